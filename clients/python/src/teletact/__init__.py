@@ -14,14 +14,19 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import os
 import threading
 from pathlib import Path
 from typing import Any, Callable, Concatenate, Coroutine, Iterator, ParamSpec, TypeVar
 
 import xarray as xr
 
+# Before gRPC is loaded: newer ones would start their threads in a forked child, and abort it now and then.
+os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "0")
+
 from teletact import aio, errors
 from teletact.answers import Answer, Opened, TactileImage
+from teletact.channel import forked, require_not_forked
 from teletact.errors import (Aborted, AlreadyExists, BadAnswer, Cancelled, DamagedFile, DeadlineExceeded,
                              FailedPrecondition, InvalidArgument, NotFound, NotPermitted, ResourceExhausted,
                              TeletactError, Unavailable)
@@ -60,13 +65,23 @@ class _Loop:
 
 
 @functools.cache
-def _loop() -> _Loop:
+def _one_loop() -> _Loop:
     return _Loop()
+
+
+def _loop() -> _Loop:
+    require_not_forked()
+    return _one_loop()
 
 
 class _Facade:
     def __init__(self, core: Any) -> None:
         self._core = core
+
+    def close(self) -> None:
+        """Ends it; nothing of it is left. A forked child leaves it to its parent."""
+        if not forked():
+            _loop().run(self._core.close())
 
 
 def _waits(method: Callable[Concatenate[Any, _P], Coroutine[Any, Any, _T]]) -> Callable[Concatenate[_Facade, _P], _T]:
@@ -88,7 +103,6 @@ class Touch(_Facade):
     next = _waits(aio.Touch.next)
     law = _waits(aio.Touch.law)
     hand_over = _waits(aio.Touch.hand_over)
-    close = _waits(aio.Touch.close)
 
     @property
     def session_id(self) -> str:
@@ -123,7 +137,6 @@ class Observing(_Facade):
 
     _core: aio.Observing
     next = _waits(aio.Observing.next)
-    close = _waits(aio.Observing.close)
 
     @property
     def maps(self) -> dict[str, xr.DataArray]:
@@ -160,7 +173,6 @@ class Service(_Facade):
     publish_slice = _waits(aio.Service.publish_slice)
     delete_scene = _waits(aio.Service.delete_scene)
     estimate = _waits(aio.Service.estimate)
-    close = _waits(aio.Service.close)
 
     def __enter__(self) -> Service:
         return self

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 import secrets
 import socket
+import weakref
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import grpc
 import grpc.aio
 
-from teletact.errors import InvalidArgument
+from teletact.errors import FailedPrecondition, InvalidArgument
 from teletact.v1 import elastography_pb2_grpc, info_pb2_grpc, palpation_pb2_grpc
 
 # Generated without types.
@@ -35,6 +37,40 @@ _OPTIONS = [
 ]
 
 
+_T = TypeVar("_T")
+_process: int | None = None  # that uses gRPC by this module
+_held: weakref.WeakSet[Any] = weakref.WeakSet()  # channels and calls
+
+
+def forked() -> bool:
+    """Whether this process was forked from one that had used gRPC. gRPC's threads stay with the parent, so that here
+    every call would wait for ever."""
+    return _process not in (None, os.getpid())
+
+
+def require_not_forked() -> None:
+    """Before gRPC is used."""
+    global _process
+    if forked():
+        raise FailedPrecondition("this process was forked from one that had connected, and gRPC does not work here",
+                                 remedy="connect in children alone, or start them by multiprocessing's \"spawn\"")
+    _process = os.getpid()
+
+
+def held(channel_or_call: _T) -> _T:
+    """What a forked child must never free: it would wait for a lock that a thread of its parent had."""
+    _held.add(channel_or_call)
+    return channel_or_call
+
+
+def _leave_to_the_parent() -> None:
+    for one in list(_held):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(one))
+
+
+os.register_at_fork(after_in_child=_leave_to_the_parent)
+
+
 @dataclass(frozen=True)
 class Peer:
     """A service, and how to speak to it."""
@@ -49,14 +85,16 @@ class Peer:
 
     def channel(self) -> grpc.aio.Channel:
         """A new connection, made when it is first used."""
+        require_not_forked()
         options = [*_OPTIONS, ("grpc.enable_http_proxy", int(self.proxy))]  # gRPC would take the environment's unasked
         if self.tls_ca is None:
-            return grpc.aio.insecure_channel(self.address, options=options)
+            return held(grpc.aio.insecure_channel(self.address, options=options))
         credentials = grpc.ssl_channel_credentials(self.tls_ca, self.tls_key, self.tls_certificate)
-        return grpc.aio.secure_channel(self.address, credentials, options=options)
+        return held(grpc.aio.secure_channel(self.address, credentials, options=options))
 
     def metadata(self, scene_id: str = "") -> list[tuple[str, str]]:
         """What goes with a call about a scene."""
+        require_not_forked()
         said = [("teletact-client", self.name)]
         if self.token is not None:
             said.append(("authorization", f"Bearer {self.token}"))

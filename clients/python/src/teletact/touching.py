@@ -19,7 +19,7 @@ import xarray as xr
 
 from teletact import arrays
 from teletact.answers import Answer, Opened
-from teletact.channel import Peer
+from teletact.channel import Peer, forked, require_not_forked
 from teletact.errors import (Aborted, BadAnswer, Cancelled, DeadlineExceeded, InvalidArgument, NotFound, NotPermitted,
                              ResourceExhausted, TeletactError, Unavailable)
 from teletact.law import Law
@@ -79,7 +79,9 @@ class Touch:
         await self.close()
 
     async def close(self) -> None:
-        """Ends the stream; nothing of it is left."""
+        """Ends the stream; nothing of it is left. A forked child leaves it to its parent."""
+        if forked():
+            return
         self._closed = True
         if self._task is not None:
             self._task.cancel()
@@ -196,6 +198,7 @@ class Touch:
         return pose
 
     def _raise(self) -> None:
+        require_not_forked()
         if self._error is not None:
             raise self._error
 
