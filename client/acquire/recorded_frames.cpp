@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <sstream>
 
 #include "client/acquire/remodulation.h"
 #include "client/acquire/rf_checks.h"
@@ -138,6 +139,18 @@ bool states_spacing(const MetaImage& image) {
   return image.spacing.size() >= 2 && (image.spacing[0] != 1 || image.spacing[1] != 1);
 }
 
+// Some devices of PLUS, such as WinProbe, state it of each frame and not of the file.
+void take_spacing_of_frame(MetaImage& image, const std::string& field, const std::string& file) {
+  const std::string said = image.field(field);
+  if (said.empty() || states_spacing(image)) return;
+  std::istringstream in(said);
+  double axial = 0, lateral = 0;
+  if (!(in >> axial >> lateral) || !(axial > 0) || !(lateral > 0))
+    throw FrameInputError(
+        fmt::format("{}: {} = {} is no spacing; correct the header", file, field, shown(said)));
+  image.spacing = {axial, lateral};
+}
+
 Frame read_mha_frame(const Source& from, const RecordedFrameOptions& options) {
   const std::string file = from.path.string();
   MetaImage image = read_metaimage(from.path);
@@ -149,6 +162,7 @@ Frame read_mha_frame(const Source& from, const RecordedFrameOptions& options) {
   if (image.field(stamped + "ImageStatus") == "INVALID")
     throw FrameInputError(fmt::format("{}: frame {} is INVALID ({}ImageStatus); choose another with {}", file,
                                       which, stamped, from.index_option));
+  take_spacing_of_frame(image, stamped + "ElementSpacing", file);
   Frame frame;
   frame.stamp_s = shown(image.field(stamped + "Timestamp"));
   frame.sample_count = image.size[0], frame.line_count = image.size[1];

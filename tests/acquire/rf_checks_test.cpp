@@ -243,6 +243,23 @@ TEST_F(RecordedRf, NanAndFramesThatAreInvalidAreRefused) {
             "frames stamped 0.1 and 0.133 s");
 }
 
+TEST_F(RecordedRf, SpacingThatIsStatedOfEachFrameIsTaken) {
+  const auto stated = [this](const std::string& spacing, const std::string& of_file = "1 1 1") {
+    return sequence(
+        rf(),
+        "Seq_Frame0000_ElementSpacing = " + spacing + "\nSeq_Frame0001_ElementSpacing = " + spacing + "\n",
+        false, of_file);
+  };
+  EXPECT_NEAR(read(stated("1.925e-5 0.0003 1")).acquisition.line_pitch_m(), 0.0003, 1e-9);
+  EXPECT_NEAR(read(stated("7 7 1", "1.925e-5 0.0003 1")).acquisition.line_pitch_m(), 0.0003, 1e-9)
+      << "the file's goes before";
+  EXPECT_NE(refusal(stated("wide")).find("Seq_Frame0000_ElementSpacing = wide is no spacing"),
+            std::string::npos);
+  options_.line_pitch_m = 0.0004;
+  EXPECT_NE(refusal(stated("1.925e-5 0.0003 1")).find("--line-pitch-m 0.0004 contradicts"),
+            std::string::npos);
+}
+
 TEST_F(RecordedRf, LengthsThatContradictEachOtherAreSaid) {
   const auto path = sequence(rf(), "", false, "1.925e-5 1.925e-5 1");  // SUPRA has one spacing for all
   EXPECT_NE(doubts(path).find("A-lines 0.01925 mm apart, exactly as the samples along depth"),
