@@ -88,7 +88,7 @@ Header read_header(const std::filesystem::path& path, std::size_t file_bytes) {
     if (equals == std::string::npos) {
       if (!header.has("ObjectType") && !header.has("NDims")) break;
       if (trimmed(line).empty()) continue;
-      throw FileError(path, "header line " + shown(trimmed(line)) + " has no '='; delete it");
+      throw FileError(path, "header line '" + shown(trimmed(line)) + "' has no '='; delete it");
     }
     const std::string key = trimmed(line.substr(0, equals));
     if (!header.fields.emplace(key, trimmed(line.substr(equals + 1))).second)

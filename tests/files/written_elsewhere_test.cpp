@@ -137,7 +137,7 @@ TEST(WrittenElsewhere, WhatMetaIoAllowsInAHeaderIsRead) {
 TEST(WrittenElsewhere, ALineWithoutItsSignIsNamed) {
   const TemporaryFolder folder;
   put_content(folder / "a.mha", header("Comment = a first line\nand a second\n") + kShorts);
-  EXPECT_NE(message_of(folder / "a.mha").find("header line and a second has no '='; delete it"),
+  EXPECT_NE(message_of(folder / "a.mha").find("header line 'and a second' has no '='; delete it"),
             std::string::npos)
       << message_of(folder / "a.mha");
 }
