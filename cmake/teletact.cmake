@@ -39,8 +39,8 @@ function(teletact_sources sources folder ending)
   set(${sources} ${listed} PARENT_SCOPE)
 endfunction()
 
-# One static library per folder: teletact_module(service/device LIBRARIES ...) -> service_device,
-# made of SOURCES, without their .cpp. TOGETHER: how many the unity build compiles at a time, 8 unless heavy headers say less.
+# One static library per folder: teletact_module(service/device LIBRARIES ...) -> service_device, made of SOURCES, without
+# their .cpp. TOGETHER: how many the unity build compiles at a time; 8, fewer where headers are heavy.
 function(teletact_module folder)
   cmake_parse_arguments(arg "" "TOGETHER" "SOURCES;LIBRARIES" ${ARGN})
   if(NOT arg_TOGETHER)
@@ -84,9 +84,10 @@ function(teletact_test name tier)
 endfunction()
 
 # One test binary per folder of tests/: teletact_tests(imaging LIBRARIES ...) -> imaging_test, one ctest entry each.
-# What tests a half of teletact that is not built is left out. SOURCES: without their _test.cpp. GROUP: not of the first tier. LATER group=FILTER ...: nor are these cases, a ctest entry of their own.
-# NEEDS: targets that it starts or loads. TOGETHER: as in teletact_module, 6 unless said. SHARDS: ctest entries among which the cases are dealt out, contact_1 and so on.
-# The rest: as in teletact_test.
+# What tests a half of teletact that is not built is left out. SOURCES: without their _test.cpp. GROUP: not of the first
+# tier. LATER group=FILTER ...: nor are these cases, a ctest entry of their own. NEEDS: targets that it starts or loads.
+# TOGETHER: as in teletact_module, 6 unless said. SHARDS: ctest entries among which the cases are dealt out, contact_1 and
+# so on. The rest: as in teletact_test.
 function(teletact_tests folder)
   cmake_parse_arguments(arg "TIMED" "GROUP;SHARDS;TIMEOUT;TOGETHER" "SOURCES;LIBRARIES;LABELS;LATER;NEEDS;ENVIRONMENT" ${ARGN})
   if((NOT TELETACT_SERVICE AND "${arg_LIBRARIES}" MATCHES "service_|bench_")

@@ -39,12 +39,7 @@ void run(const ReplayOptions& options) {
     throw CommandError(error.what());
   }
   print(options, report);
-  if (report.not_alike > 0)
-    throw CommandError(
-        std::to_string(report.not_alike) + " of " + std::to_string(report.compared) +
-        (report.kind == "acquire" ? " maps" : " answers") +
-        " are of another status or size than recorded, no numbers, or did not come: the scene is not as it "
-        "was");
+  if (const std::string why = what_is_not_alike(report); !why.empty()) throw CommandError(why);
 }
 
 }  // namespace

@@ -14,6 +14,7 @@ namespace {
 const std::string kPerfectHeader = "trial,background_n_m,stimulus_n_m,harder";
 const std::string kBackgroundFirstHeader = kPerfectHeader + ",condition";
 const std::string kHeader = kBackgroundFirstHeader + ",first";
+constexpr const char* kPlace = "give one in a folder of yours that has room";
 
 // Which was felt first.
 constexpr std::string_view kStimulus = "stimulus", kBackground = "background";
@@ -88,9 +89,7 @@ ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& rem
   file_.open(path);
   file_.precision(std::numeric_limits<double>::max_digits10);
   file_ << "# " << remark << '\n' << kHeader << '\n' << std::flush;
-  if (!file_)
-    throw std::runtime_error("cannot write " + path.string() + " (" + std::strerror(errno) +
-                             "): give one in a folder of yours that has room");
+  require_written(kPlace);
 }
 
 ResultsCsv ResultsCsv::going_on(const std::filesystem::path& path, std::size_t answered) {
@@ -102,20 +101,22 @@ ResultsCsv ResultsCsv::going_on(const std::filesystem::path& path, std::size_t a
   csv.file_.open(path, std::ios::app);
   csv.file_.precision(std::numeric_limits<double>::max_digits10);
   if (!ends_a_line(path)) csv.file_ << '\n';
-  if (!csv.file_)
-    throw std::runtime_error("cannot write " + path.string() + " (" + std::strerror(errno) +
-                             "): give one in a folder of yours that has room");
+  csv.require_written(kPlace);
   return csv;
 }
 
 void ResultsCsv::add(const AnsweredTrial& answer) {
+  errno = 0;
   file_ << ++trials_ << ',' << answer.trial.background_n_m << ',' << answer.trial.stimulus_n_m << ','
         << answer.harder << ',' << answer.trial.condition << ','
         << (answer.trial.stimulus_first ? kStimulus : kBackground) << '\n'
         << std::flush;
+  require_written("the answers before trial " + std::to_string(trials_) + " are kept");
+}
+
+void ResultsCsv::require_written(const std::string& remedy) const {
   if (!file_)
-    throw std::runtime_error("cannot write " + path_.string() + " (" + std::strerror(errno) +
-                             "). The answers before trial " + std::to_string(trials_) + " are kept");
+    throw std::runtime_error("cannot write " + path_.string() + " (" + std::strerror(errno) + "): " + remedy);
 }
 
 std::optional<std::uint64_t> seed_of_results_csv(const std::filesystem::path& path) {

@@ -34,6 +34,7 @@ class ResultsCsv {
 
  private:
   ResultsCsv() = default;
+  void require_written(const std::string& remedy) const;
   std::filesystem::path path_;
   std::ofstream file_;
   std::size_t trials_ = 0;

@@ -365,6 +365,14 @@ void Player::compare(const v1::Map& map, const v1::Map& recorded, const std::str
 
 }  // namespace
 
+std::string what_is_not_alike(const ReplayReport& report) {
+  if (report.not_alike == 0) return "";
+  return std::to_string(report.not_alike) + " of " + std::to_string(report.compared) +
+         (report.kind == "acquire" ? " maps" : " answers") +
+         " are of another status or size than recorded, no numbers, or did not come: the scene is not as it "
+         "was";
+}
+
 ReplayReport replay(const ReplayOptions& options, const std::atomic<bool>& stop) {
   require_different_files(
       {{"the recording that is played", options.path}, {"--record", options.record_path}});

@@ -37,6 +37,9 @@ struct ReplayReport {
   std::string largest_map;
 };
 
+// One line; "" where all is as it was recorded.
+std::string what_is_not_alike(const ReplayReport& report);
+
 // Throws std::runtime_error with one line: unreadable recording, no service, unknown scene, a call refused.
 ReplayReport replay(const ReplayOptions& options, const std::atomic<bool>& stop);
 

@@ -124,8 +124,9 @@ TEST_F(FaultyDevice, NanInASolidIsSaid) {
   expect_failing_solid("not finite");
 }
 
+// By the nodes: shares, once they are learned, would answer in their place.
 TEST_F(FaultyDevice, HoweverSlowAFollowedFingerWaitsForNoCorrectionOfASolid) {
-  TouchSession finger(solid(3e4), {}, slow_device());
+  TouchSession finger(solid(3e4), {.fingertip = {}, .path = SolvePath::kPcg}, slow_device());
   put_down(finger);
   std::size_t meanwhile = 0, corrected = 0;
   for (double way = 0; corrected < 3 && way < 60; way += 0.002) {

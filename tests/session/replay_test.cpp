@@ -66,5 +66,12 @@ TEST(Replay, MapsThatDoNotComeAreNotAlike) {
   EXPECT_EQ(report.not_alike, 2u) << "one of another size, and one that did not come";
 }
 
+TEST(Replay, SaysHowManyAnswersAreNotAsTheyWere) {
+  ReplayReport report{.kind = "touch", .compared = 7};
+  EXPECT_EQ(what_is_not_alike(report), "");
+  report.not_alike = 2;
+  EXPECT_EQ(what_is_not_alike(report).find("2 of 7 answers"), 0u) << what_is_not_alike(report);
+}
+
 }  // namespace
 }  // namespace teletact::client
