@@ -16,9 +16,8 @@ const char* describe(Freshness freshness) noexcept {
     case Freshness::kAgainstOrientation:
       return "its position stands still while its orientation turns";
     case Freshness::kStandsStill:
-      return "its position stands still to the last bit in a hand that is pushed; of a device whose "
-             "positions "
-             "have no noise say --device-without-noise";
+      return "its position stands still to the last bit in a hand that is pushed; if its "
+             "positions have no noise, give --device-without-noise";
   }
   return "?";
 }

@@ -4,8 +4,8 @@
 //   - when the stated velocity says that it moved meanwhile;
 //   - under force, when the tool turned meanwhile;
 //   - under force, in any case: no hand holds so still, and what noise a device has goes on.
-// The last is not held against a device that moves in steps which a hand at rest does not leave: one that is
-// said to have no noise, or that has shown coarse steps with stands between them.
+// The last does not hold for a device within whose steps a hand may rest: one that is said to have no noise,
+// or that has shown coarse steps with stands between them.
 //
 // Times are the caller's. Samples that come late count as kLateS apart: a stall is no stand.
 #pragma once

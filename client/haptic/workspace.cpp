@@ -1,14 +1,11 @@
 #include "client/haptic/workspace.h"
 
 #include <Eigen/LU>
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
-
-#include "client/clock/clock.h"
 
 namespace teletact::client {
 namespace {
@@ -63,8 +60,7 @@ void validate(const WorkspaceOptions& options) {
   if (!(options.force_scale >= 0.05 && options.force_scale <= options.scale))
     throw std::invalid_argument(
         "force_scale: give 0.05 to the scale of positions; beyond it the hand would be given more energy "
-        "than "
-        "the tissue holds");
+        "than the tissue holds");
   if (options.clutch_button > 32)
     throw std::invalid_argument("clutch_button: give a button of the device, 1 to 32, or 0 for none");
 }
@@ -122,17 +118,6 @@ DeviceProfile WorkspaceMap::in_scene(DeviceProfile device) const {
   return device;
 }
 
-void FrozenForce::see(std::int64_t now_ns, bool frozen) noexcept {
-  if (frozen_) share_ = std::max(share_ - seconds(now_ns - last_ns_) / kGoesS, 0.0);
-  frozen_ = frozen_ || frozen;
-  last_ns_ = now_ns;
-}
-
-double FrozenForce::share_of(bool any_force) noexcept {
-  if (!any_force) restart();
-  return share_;
-}
-
 WorkspaceDevice::WorkspaceDevice(std::unique_ptr<HapticDevice> device, const WorkspaceOptions& options,
                                  const Vector3& start_m)
     : device_(std::move(device)), options_(options), map_(options, start_m), watch_(!options.without_noise) {}
@@ -142,7 +127,6 @@ void WorkspaceDevice::open() {
   profile_ = map_.in_scene(device_->profile());
   map_.restart();
   watch_.restart();
-  frozen_force_.restart();
   freshness_ = Freshness::kFresh;
   under_force_ = false;
   reach_due_ = true;
@@ -157,8 +141,7 @@ bool WorkspaceDevice::is_frozen(std::int64_t now_ns, const DeviceReading& raw) n
   const Freshness freshness = watch_.judge(now_ns, sample);
   if (freshness != freshness_ && freshness != Freshness::kFresh) found_ = freshness;
   freshness_ = freshness;
-  frozen_force_.see(now_ns, freshness != Freshness::kFresh);
-  return frozen_force_.frozen();
+  return freshness != Freshness::kFresh;
 }
 
 bool WorkspaceDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept {
@@ -181,7 +164,7 @@ bool WorkspaceDevice::read(std::int64_t now_ns, DeviceReading& reading) noexcept
 
 bool WorkspaceDevice::write(const Vector3& force_n) noexcept {
   under_force_ = !force_n.isZero(0);
-  return device_->write(frozen_force_.share_of(under_force_) * map_.force_at_hand(force_n));
+  return device_->write(map_.force_at_hand(force_n));
 }
 
 std::string WorkspaceDevice::trouble() {

@@ -59,24 +59,8 @@ class WorkspaceMap {
   bool clutched_ = false;
 };
 
-// Takes the force of a frozen device away within kGoesS, and gives none until none was asked for.
-class FrozenForce {
- public:
-  static constexpr double kGoesS = 0.03;
-  void restart() noexcept { *this = FrozenForce(); }
-  bool frozen() const noexcept { return frozen_; }
-  void see(std::int64_t now_ns, bool frozen) noexcept;
-  // The share of a force that is given.
-  double share_of(bool any_force) noexcept;
-
- private:
-  bool frozen_ = false;
-  double share_ = 1;
-  std::int64_t last_ns_ = 0;
-};
-
 // A device that a person's hand moves, through a workspace map. All that real devices say passes here, and
-// is watched for positions that are not of now: they are marked, and the force goes at once.
+// positions that are not of now are marked as frozen.
 class WorkspaceDevice final : public HapticDevice {
  public:
   WorkspaceDevice(std::unique_ptr<HapticDevice> device, const WorkspaceOptions& options,
@@ -105,7 +89,6 @@ class WorkspaceDevice final : public HapticDevice {
   WorkspaceOptions options_;
   WorkspaceMap map_;
   FreshnessWatch watch_;
-  FrozenForce frozen_force_;
   Freshness freshness_ = Freshness::kFresh;
   bool under_force_ = false;
   std::atomic<Freshness> found_{Freshness::kFresh};  // to be said

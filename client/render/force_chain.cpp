@@ -132,11 +132,12 @@ Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
 }
 
 // Nothing is wanted any more: down by the slew limit and with the silence, and to a finger that lifts no
-// stiffer than before.
-Vector3 ForceChain::fade(double indentation_m, double silence_gain, double dt_s) const noexcept {
+// stiffer than before. Where nobody knows whether it lifts: faster, and however late the tick.
+Vector3 ForceChain::fade(const ForceChainInput& input, double indentation_m, double dt_s) const noexcept {
   const ForceLimits& limits = options_.limits;
-  Vector3 force_n = cap_magnitude(cap_slew(Vector3::Zero(), last_force_n_, limits.largest_slew_n_s, dt_s),
-                                  silence_gain * limits.largest_force_n);
+  const double slews_s = input.frozen ? 3 * passed_s(input) : dt_s;
+  Vector3 force_n = cap_magnitude(cap_slew(Vector3::Zero(), last_force_n_, limits.largest_slew_n_s, slews_s),
+                                  silence_gain_ * limits.largest_force_n);
   if (!(indentation_m < last_indentation_m_)) return force_n;
   return cap_stiffness(force_n, indentation_m, last_force_n_.norm() / last_indentation_m_);
 }
@@ -183,7 +184,7 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   if (!wanted_n.allFinite()) output.not_finite = true;  // whatever the way: nothing but numbers goes out
   const bool fades = !input.on || output.not_finite;
   const Vector3 force_n = fades
-                              ? fade(indentation_m, output.silence_gain, dt_s)
+                              ? fade(input, indentation_m, dt_s)
                               : cap_rise(wanted_n, last_force_n_, largest_rise_n(input, indentation_m, dt_s));
   if (fades) {
     passivity_.reset();

@@ -12,7 +12,8 @@
 //   behind a
 //     quick press would come later, and nobody would have done its work;
 //   - falls as fast as the model does: no limit holds a force up;
-//   - fades by the slew limit after a fault, a pause or silence, and at least as fast as the finger lifts.
+//   - fades by the slew limit after a fault, a pause or silence, by three times that after a frozen position,
+//     and at least as fast as the finger lifts.
 // In a contact where a law is felt, what silence, age and the ramp have taken from it comes back no further
 // than their falls have earned, or than is paid for by what is dissipated: the ledger of potential_blend.h.
 // A clutched finger stands still in the scene while the hand moves: its force fades, and comes back by the
@@ -56,6 +57,7 @@ struct ForceChainInput {
   bool clutched = false;  // the hand moves, the pose stands still
   TouchedSurface surface = {};
   bool on = false;         // state ENABLED: else the force slews to zero
+  bool frozen = false;     // it is off as the position is not of now
   double enabled_s = 0;    // since the state became ENABLED
   double silence_s = 0;    // since the last answer arrived
   double model_age_s = 0;  // since the pose behind the answer was sampled
@@ -93,7 +95,7 @@ class ForceChain {
   void observe(const ForceChainInput& input) noexcept;
   Vector3 wanted(const ForceChainInput& input, double indentation_m, double dt_s,
                  ForceChainOutput& output) noexcept;
-  Vector3 fade(double indentation_m, double silence_gain, double dt_s) const noexcept;
+  Vector3 fade(const ForceChainInput& input, double indentation_m, double dt_s) const noexcept;
   bool too_fast(const ForceChainInput& input) const noexcept;
   double largest_rise_n(const ForceChainInput& input, double indentation_m, double dt_s) const noexcept;
   void judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept;

@@ -111,6 +111,7 @@ ForceChainInput ServoLoop::chain_input(const Rendered& rendered, std::int64_t no
   input.clutched = reading_.clutched;
   input.surface = answer_.sample.surface;
   input.on = states_.state() == ServoState::kEnabled;
+  input.frozen = states_.reason() == StateReason::kFrozen;
   input.enabled_s = seconds(now_ns - states_.since_ns());
   input.silence_s = silence_s_;
   // A law is as old as what says that it still holds, an answer with a force, was when the newest came: that

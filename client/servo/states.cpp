@@ -36,8 +36,7 @@ const char* describe(StateReason reason) noexcept {
       return "the device moved faster than its speed limit";
     case StateReason::kFrozen:
       return "the device's position is frozen: it stands still, to the last bit, while the hand does not; "
-             "lift "
-             "the finger, see to the device, and resume when it follows the hand again";
+             "lift the finger, see to the device, and resume when it follows the hand again";
   }
   return "?";
 }

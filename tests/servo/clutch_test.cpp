@@ -10,21 +10,6 @@
 namespace teletact::client {
 namespace {
 
-// What WorkspaceDevice owns; the fixture keeps the device itself.
-class Borrowed final : public HapticDevice {
- public:
-  explicit Borrowed(HapticDevice& device) : device_(device) {}
-  const DeviceProfile& profile() const noexcept override { return device_.profile(); }
-  void open() override {}
-  void close() noexcept override {}
-  bool read(std::int64_t now_ns, DeviceReading& out) noexcept override { return device_.read(now_ns, out); }
-  bool write(const Vector3& force_n) noexcept override { return device_.write(force_n); }
-  std::optional<Vector3> workspace_centre_m() const noexcept override { return Vector3(0.1, 0, 0); }
-
- private:
-  HapticDevice& device_;
-};
-
 struct Mapping {
   double scale, force_scale;
   bool by_law;
@@ -45,7 +30,7 @@ class ClutchTest : public test::ServoTest, public ::testing::WithParamInterface<
                                .force_scale = mapping.force_scale,
                                .clutch_button = 2,
                                .without_noise = true};
-    workspace = std::make_unique<WorkspaceDevice>(std::make_unique<Borrowed>(device), map, start_m);
+    workspace = std::make_unique<WorkspaceDevice>(std::make_unique<test::Borrowed>(device), map, start_m);
     workspace->open();
     options.chain.limits = workspace->profile().limits();
     Renderer& chosen = mapping.by_law ? static_cast<Renderer&>(law_renderer) : renderer;

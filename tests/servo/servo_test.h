@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 
 #include "client/haptic/haptic_device.h"
 #include "client/render/kalman_renderer.h"
@@ -31,6 +32,21 @@ class StillDevice final : public HapticDevice {
   DeviceReading reading;
   Vector3 force = Vector3::Zero();
   bool ok = true, takes_force = true;
+};
+
+// What WorkspaceDevice owns; a fixture keeps the device itself.
+class Borrowed final : public HapticDevice {
+ public:
+  explicit Borrowed(HapticDevice& device) : device_(device) {}
+  const DeviceProfile& profile() const noexcept override { return device_.profile(); }
+  void open() override {}
+  void close() noexcept override {}
+  bool read(std::int64_t now_ns, DeviceReading& out) noexcept override { return device_.read(now_ns, out); }
+  bool write(const Vector3& force_n) noexcept override { return device_.write(force_n); }
+  std::optional<Vector3> workspace_centre_m() const noexcept override { return Vector3(0.1, 0, 0); }
+
+ private:
+  HapticDevice& device_;
 };
 
 class ServoTest : public ::testing::Test {
