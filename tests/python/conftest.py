@@ -9,6 +9,7 @@ import signal
 import subprocess
 import tempfile
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -89,6 +90,15 @@ def process():
 def impatient(monkeypatch):
     """Who connects does not wait for long."""
     monkeypatch.setattr("teletact.aio._CONNECT_S", 0.2)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """The ROS 2 bridge's, which may be put forward."""
+    clock = SimpleNamespace(ahead_s=0.0)
+    clock.monotonic = lambda: time.monotonic() + clock.ahead_s
+    monkeypatch.setattr("teletact_ros.bridge.time", clock)
+    return clock
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ import teletact
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from teletact_ros.arm import TOPICS
 from teletact_ros.axes import Axes
 from teletact_ros.bridge import Bridge
 from teletact_ros.felt import Limits
@@ -52,11 +53,11 @@ def main(arguments: list[str]) -> int:
     # Signals are ours: rclpy's handler would end the context before the last zero force is out.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
-    watchdog = Watchdog(given.arm, ros_arguments(arguments), time.monotonic())
+    watchdog = Watchdog([f"{given.arm}/{topic}" for topic in TOPICS], ros_arguments(arguments), time.monotonic())
     try:
         with teletact.connect(given.service, tls_ca=given.tls_ca, token_file=given.token_file) as service:
             bridge = Bridge(service.touch(given.scene, resume_s=math.inf), given.arm, axes, limits, given.rate_hz,
-                            watchdog=watchdog, has_noise=not given.without_noise)
+                            watchdog, has_noise=not given.without_noise)
             try:
                 rclpy.spin(bridge)
             except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""What an arm is sent on each of its topics, so that its tool is pushed by a force."""
+"""Where an arm takes wrenches, and what it is sent there so that its tool is pushed by a force."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import numpy as np
 from teletact.arrays import Floats
 
 from teletact_ros.measured import Pose
-from teletact_ros.topics import BODY, SPATIAL
+
+# In the order of preference. Of ``body`` a wrench is along the tool's axes; of ``spatial`` along the base's, about the
+# base's origin; plain ``servo_cf`` is as its header says.
+TOPICS = ("body/servo_cf", "spatial/servo_cf", "servo_cf")
+BODY, SPATIAL, PLAIN = range(3)
 
 
 def wrench_at(topic: int, pose: Pose, force_n: Floats) -> tuple[Floats, Floats]:

@@ -16,11 +16,10 @@ from std_msgs.msg import Bool
 from teletact import TeletactError, Touch
 from teletact.arrays import Floats
 
-from teletact_ros.arm import wrench_at
+from teletact_ros.arm import BODY, TOPICS, wrench_at
 from teletact_ros.axes import Axes
 from teletact_ros.felt import DISABLED, ENABLED, FAULT, Felt, Limits
 from teletact_ros.measured import Measured, Pose
-from teletact_ros.topics import BODY, TOPICS
 from teletact_ros.watchdog import HUNG_S, Watchdog
 
 _STATE_S = 0.1   # operating_state comes at least so often
@@ -35,8 +34,8 @@ class Bridge(Node):  # type: ignore[misc]
     answers. ``touch``: open; it is closed by ``close``. A wrench goes out in ENABLED alone, and one zero when that ends: to
     an arm each wrench is a command into effort mode."""
 
-    def __init__(self, touch: Touch, arm: str, axes: Axes, limits: Limits, rate_hz: float, watchdog: Watchdog | None = None,
-                 has_noise: bool = True) -> None:
+    def __init__(self, touch: Touch, arm: str, axes: Axes, limits: Limits, rate_hz: float, watchdog: Watchdog,
+                 has_noise: bool) -> None:
         super().__init__("teletact")
         self._touch, self._arm, self._axes = touch, arm, axes
         self._felt = Felt(limits, touch.opened)
@@ -87,12 +86,9 @@ class Bridge(Node):  # type: ignore[misc]
                                           np.array([turn.x, turn.y, turn.z, turn.w], np.float64), self._felt.under_force())
             if verdict.pose is None:
                 return self._felt.fail(verdict.why) if verdict.fault else self._felt.unusable(verdict.why)
-            if self._at is not None and verdict.pose.frame != self._at.frame:
-                was = self._at.frame
-                self._at = verdict.pose
-                if self._felt.state == ENABLED:
-                    return self._felt.fail(f"measured_cp changed its frame, from {was!r} to {verdict.pose.frame!r}")
-            self._at = verdict.pose
+            before, self._at = self._at, verdict.pose
+            if before and before.frame != self._at.frame and self._felt.state == ENABLED:
+                return self._felt.fail(f"measured_cp changed its frame, from {before.frame!r} to {self._at.frame!r}")
             position = self._axes.to_scene(verdict.pose.position_m)
             self._felt.pose(now, position)
             self._pose = position
@@ -117,7 +113,7 @@ class Bridge(Node):  # type: ignore[misc]
     def _tick(self) -> None:
         now = time.monotonic()
         with self._lock:
-            if self._watchdog and now - self._ticked_s > HUNG_S:
+            if now - self._ticked_s > HUNG_S:
                 self._felt.pause(f"this program stalled for {1e3 * (now - self._ticked_s):.0f} ms")
             self._ticked_s = now
             if now - self._looked_s > _LOOK_S:
@@ -143,7 +139,7 @@ class Bridge(Node):  # type: ignore[misc]
     def _push(self, force: Floats) -> None:
         """Sends the force in ENABLED, a single zero when that ends, and else nothing."""
         pushes = self._felt.state == ENABLED and self._at is not None
-        if self._watchdog and pushes:
+        if pushes:
             self._watchdog.beat(self._topic)  # before the arm has anything to keep
         if (pushes or self._pushes) and self._at is not None:
             wrench = WrenchStamped()
@@ -154,7 +150,7 @@ class Bridge(Node):  # type: ignore[misc]
             wrench.wrench.torque.x, wrench.wrench.torque.y, wrench.wrench.torque.z = map(float, torque)
             self._wrenches[self._topic].publish(wrench)
         self._pushes = pushes
-        if self._watchdog and not pushes:
+        if not pushes:
             self._watchdog.beat(None)
 
     def _warn(self, text: str) -> None:
@@ -184,7 +180,7 @@ class Bridge(Node):  # type: ignore[misc]
         elif follows:
             self._felt.blocked = f"a teleoperation has the arm: {follows[0]}"
         else:
-            self._felt.blocked = self._watchdog.trouble(now, self._topic) if self._watchdog else ""
+            self._felt.blocked = self._watchdog.trouble(now, self._topic)
 
     def _offered(self, topic: str) -> QoSProfile | None:
         """As the topic is published; who asks for more hears nothing of it. None where nobody publishes it."""

@@ -1,7 +1,6 @@
 """Whether an arm's poses are of now, by what they say and not by when they come. Time is an argument.
 
-The rules are those of client/haptic/freshness_watch.h, which judges the devices of teletact-client; stamps are beside them,
-as ROS alone has any.
+FreshnessWatch has the rules of client/haptic/freshness_watch.h; the tests of both judge tests/haptic/freshness_cases.json.
 """
 
 from __future__ import annotations

@@ -14,19 +14,17 @@ import sys
 import time
 from typing import Any
 
-from teletact_ros.topics import TOPICS
-
 HUNG_S = 0.1  # a bridge that says nothing for so long with a force on
 _SAY_S = 0.1
 _DEAF_S = 1.0  # a watchdog that says nothing
-_NONE = len(TOPICS)
+_NONE = 255
 
 
 class Watchdog:
-    """The bridge's side. No call waits."""
+    """The bridge's side. No call waits. ``topics``: where an arm takes wrenches; a topic is its number in them."""
 
-    def __init__(self, arm: str, ros_arguments: list[str], now: float) -> None:
-        self._process = subprocess.Popen([sys.executable, "-m", "teletact_ros.watchdog", arm, *ros_arguments],
+    def __init__(self, topics: list[str], ros_arguments: list[str], now: float) -> None:
+        self._process = subprocess.Popen([sys.executable, "-m", "teletact_ros.watchdog", *topics, *ros_arguments],
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         assert self._process.stdin and self._process.stdout
         self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
@@ -106,11 +104,12 @@ def main(arguments: list[str]) -> int:
     from geometry_msgs.msg import WrenchStamped
     from rclpy.node import Node
     from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import remove_ros_args
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's are the bridge's
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = Node("teletact_watchdog")
-    publishers = [node.create_publisher(WrenchStamped, f"{arguments[1]}/{topic}", 1) for topic in TOPICS]
+    publishers = [node.create_publisher(WrenchStamped, topic, 1) for topic in remove_ros_args(arguments)[1:]]
     watch(sys.stdin.fileno(), sys.stdout.fileno(), publishers, WrenchStamped())
     time.sleep(0.1)  # for what was sent to arrive
     node.destroy_node()
