@@ -20,7 +20,7 @@ import xarray as xr
 
 from teletact import arrays, estimates, scenes
 from teletact.answers import PATHS, Answer, Opened, TactileImage
-from teletact.channel import ElastographyStub, InfoStub, PalpationStub, Peer, forked, held, peer_of
+from teletact.channel import ElastographyStub, InfoStub, PalpationStub, Peer, forked, peer_of
 from teletact.errors import InvalidArgument, Unavailable, from_rpc
 from teletact.observing import MAPS, Observation, Observing, Surface
 from teletact.scenes import Info, Region, Scene, Window
@@ -105,7 +105,7 @@ class Service:
 
     async def _once(self, call: str, method: Any, request: Any, scene_id: str = "") -> Any:
         try:
-            return await held(method(request, metadata=self._peer.metadata(scene_id), timeout=_UNARY_S))
+            return await method(request, metadata=self._peer.metadata(scene_id), timeout=_UNARY_S)
         except grpc.RpcError as error:
             raise self._of(from_rpc(error, call)) from None
 
@@ -228,8 +228,8 @@ class Service:
     async def _estimate(self, acquisition: Any, before: Any, after: Any, scene_id: str, timeout_s: float) -> xr.Dataset:
         answers = estimates.Answers(acquisition, "Estimate")
         requests = estimates.requests_of(acquisition, before, after)
-        call = held(ElastographyStub(self._channel).Estimate(
-            requests, metadata=self._peer.metadata(scene_id), timeout=timeout_s))
+        call = ElastographyStub(self._channel).Estimate(
+            requests, metadata=self._peer.metadata(scene_id), timeout=timeout_s)
         try:
             async for response in call:
                 answers.take(response)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 import re
 import secrets
 import socket
-import weakref
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import grpc
 import grpc.aio
@@ -35,11 +35,7 @@ _OPTIONS = [
     ("grpc.max_receive_message_length", _MOST_MESSAGE_BYTES),
     ("grpc.max_send_message_length", -1),
 ]
-
-
-_T = TypeVar("_T")
 _process: int | None = None  # that uses gRPC by this module
-_held: weakref.WeakSet[Any] = weakref.WeakSet()  # channels and calls
 
 
 def forked() -> bool:
@@ -57,15 +53,11 @@ def require_not_forked() -> None:
     _process = os.getpid()
 
 
-def held(channel_or_call: _T) -> _T:
-    """What a forked child must never free: it would wait for a lock that a thread of its parent had."""
-    _held.add(channel_or_call)
-    return channel_or_call
-
-
 def _leave_to_the_parent() -> None:
-    for one in list(_held):
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(one))
+    """A forked child never frees a channel or a call: it would wait for a lock that a thread of its parent had."""
+    for one in gc.get_objects() if forked() else []:
+        if issubclass(type(one), (grpc.aio.Channel, grpc.aio.Call)):
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(one))
 
 
 os.register_at_fork(after_in_child=_leave_to_the_parent)
@@ -88,9 +80,9 @@ class Peer:
         require_not_forked()
         options = [*_OPTIONS, ("grpc.enable_http_proxy", int(self.proxy))]  # gRPC would take the environment's unasked
         if self.tls_ca is None:
-            return held(grpc.aio.insecure_channel(self.address, options=options))
+            return grpc.aio.insecure_channel(self.address, options=options)
         credentials = grpc.ssl_channel_credentials(self.tls_ca, self.tls_key, self.tls_certificate)
-        return held(grpc.aio.secure_channel(self.address, credentials, options=options))
+        return grpc.aio.secure_channel(self.address, credentials, options=options)
 
     def metadata(self, scene_id: str = "") -> list[tuple[str, str]]:
         """What goes with a call about a scene."""

@@ -21,7 +21,7 @@ import xarray as xr
 
 from teletact import arrays, scenes
 from teletact.answers import Answer, answer_from
-from teletact.channel import PalpationStub, Peer, forked, held, require_not_forked
+from teletact.channel import PalpationStub, Peer, forked, require_not_forked
 from teletact.errors import (BadAnswer, Cancelled, DeadlineExceeded, NotFound, ResourceExhausted, TeletactError,
                              Unavailable, from_rpc, from_status)
 from teletact.scenes import Scene
@@ -147,8 +147,8 @@ class Observing:
             async with asyncio.timeout(silence_s):
                 if opens:
                     self._channel, self._state = self._peer.channel(), 0
-                    self._stream = held(PalpationStub(self._channel).Observe(
-                        metadata=self._peer.metadata(self._open.scene_id)))
+                    self._stream = PalpationStub(self._channel).Observe(
+                        metadata=self._peer.metadata(self._open.scene_id))
                     request = palpation.ObserveRequest(open=self._open)
                 else:
                     request = palpation.ObserveRequest(acknowledged=self._state)

@@ -15,7 +15,7 @@ import numpy as np
 
 from teletact.answers import Answer, Opened, answer_from, opened_from
 from teletact.arrays import Floats
-from teletact.channel import PalpationStub, Peer, held
+from teletact.channel import PalpationStub, Peer
 from teletact.errors import BadAnswer, TeletactError, Unavailable, from_rpc, from_status
 from teletact.law_book import LawBook
 from teletact.v1 import palpation_pb2 as palpation
@@ -77,7 +77,7 @@ class Stream:
     async def serve(self) -> TeletactError:
         """One stream, until it ends; why it did."""
         channel = self._peer.channel()
-        call = held(PalpationStub(channel).Touch(metadata=self._peer.metadata(self._open.scene_id)))
+        call = PalpationStub(channel).Touch(metadata=self._peer.metadata(self._open.scene_id))
         tasks = [asyncio.create_task(work) for work in (self._read(call), self._write(call), self._guard())]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
