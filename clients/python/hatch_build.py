@@ -4,7 +4,8 @@ protobuf-compiler-grpc), else by grpcio-tools, and states the grpcio and protobu
 A source archive carries its stubs: what is built of it needs no generator, and states what the archive does.
 """
 
-import contextlib
+import atexit
+import functools
 import importlib.util
 import pathlib
 import re
@@ -24,42 +25,37 @@ class Stubs(BuildHookInterface):
         return [] if carried(self.root) or protoc_with_plugin() else ["grpcio-tools"]
 
     def initialize(self, version, build_data):
-        self._ends = contextlib.ExitStack()
         if version == "editable" or carried(self.root):
             return
-        folder = self._ends.enter_context(stubs(self.root))
+        folder = stubs(self.root)
         base = "src/" if self.target_name == "sdist" else ""
         for file in sorted(folder.rglob("*.py*")):
             build_data["force_include"][str(file)] = base + str(file.relative_to(folder))
-
-    def finalize(self, version, build_data, artifact_path):
-        self._ends.close()
 
 
 class Bounds(MetadataHookInterface):
     PLUGIN_NAME = "custom"
 
     def update(self, metadata):
-        with stubs(self.root) as folder:
-            metadata["dependencies"] = [*self.config["dependencies"], *bounds(folder)]
+        metadata["dependencies"] = [*self.config["dependencies"], *bounds(stubs(self.root))]
 
 
 def carried(root):
     return (pathlib.Path(root) / "src/teletact/v1").is_dir()
 
 
-@contextlib.contextmanager
+@functools.cache
 def stubs(root):
-    """The folder that has teletact/v1 in it."""
+    """The folder that has teletact/v1 in it; one that is generated goes with this process."""
     if carried(root):
-        yield pathlib.Path(root) / "src"
-        return
+        return pathlib.Path(root) / "src"
     contract = pathlib.Path(root).parent.parent / "proto"
     if not contract.is_dir():
         raise RuntimeError("the contract is missing: build in a checkout of teletact, or from a source archive")
-    with tempfile.TemporaryDirectory() as folder:
-        generate(contract, folder)
-        yield pathlib.Path(folder)
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    generate(contract, folder)
+    return pathlib.Path(folder)
 
 
 def generate(contract, out):

@@ -1,6 +1,7 @@
 """A service that answers what a test tells it to."""
 
 import concurrent.futures
+import re
 import threading
 
 import grpc
@@ -41,12 +42,12 @@ class Liar(palpation_grpc.PalpationServicer, elastography_grpc.ElastographyServi
         yield from self.touch(requests, context)
 
     def serve(self, address):
-        """A server, which has started; who calls stops it."""
+        """A server, which has started; who calls stops it. Port 0: any that is free."""
         server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
         palpation_grpc.add_PalpationServicer_to_server(self, server)
         elastography_grpc.add_ElastographyServicer_to_server(self, server)
-        self.address = address
-        server.add_insecure_port(address)
+        port = server.add_insecure_port(address)
+        self.address = re.sub(":0$", f":{port}", address)
         server.start()
         return server
 

@@ -1,7 +1,5 @@
 """Proxies of the environment do not come between a client and its service, unless they are asked for."""
 
-import socket
-
 import pytest
 from lying_service import Liar
 
@@ -11,11 +9,9 @@ import teletact
 @pytest.fixture
 def on_tcp():
     """A service on TCP: for a Unix socket gRPC asks no proxy."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
-    server = Liar().serve(address)
-    yield address
+    liar = Liar()
+    server = liar.serve("127.0.0.1:0")
+    yield liar.address
     server.stop(None).wait()
 
 
