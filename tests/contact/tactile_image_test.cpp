@@ -76,6 +76,8 @@ TEST(TactileImage, HasTheForceAndItsFirstMoments) {
         EXPECT_GE(*std::min_element(taxels.pressure_pa.begin(), taxels.pressure_pa.end()), 0);
         if (half == 0.001 && wz < 0.010) {
           EXPECT_NEAR(taxels.outside_n, 0, 1e-14) << "all inside";
+          for (const double moment_n_m : taxels.outside_moment_n_m)
+            EXPECT_NEAR(moment_n_m, 0, 1e-10 * nodal.force_n * half) << "all inside";
         } else if (half == 0.012) {
           EXPECT_GT(taxels.outside_n, 0.1 * nodal.force_n) << "many are outside";
         }
