@@ -3,6 +3,7 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -56,10 +57,10 @@ void Listener::accept() {
 void Listener::go_on() {
   if (stopping_) return;
   if (next_) {
-    if (open_ >= options_.most) {
-      const Place oldest = who_gives_way();
-      if (!oldest) return;  // until one is closed
-      std::exchange(oldest->give_way, {})();
+    if (seats_.size() >= options_.most) {
+      const auto oldest = std::ranges::find_if(seats_, [](Seat* seat) { return bool(seat->give_way); });
+      if (oldest == seats_.end()) return;  // until one is closed
+      std::exchange((*oldest)->give_way, {})();
     }
     take(*std::exchange(next_, std::nullopt));
   }
@@ -67,27 +68,13 @@ void Listener::go_on() {
 }
 
 void Listener::take(Protocol::socket socket) {
-  ++open_;
   const Place place(new Seat, [this](Seat* seat) {
+    std::erase(seats_, seat);
     delete seat;
-    closed();
+    go_on();
   });
-  seats_.push_back(place);
+  seats_.push_back(place.get());
   options_.take(std::move(socket), place);
-}
-
-Listener::Place Listener::who_gives_way() {
-  for (auto at = seats_.begin(); at != seats_.end();) {
-    const Place place = at->lock();
-    if (place && place->give_way) return place;
-    at = place ? std::next(at) : seats_.erase(at);
-  }
-  return nullptr;
-}
-
-void Listener::closed() {
-  --open_;
-  go_on();
 }
 
 void Listener::accept_later() {

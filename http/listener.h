@@ -11,11 +11,11 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
-#include <list>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 namespace teletact {
 
@@ -53,14 +53,11 @@ class Listener {
   void accept();
   void go_on();
   void take(Protocol::socket);
-  Place who_gives_way();
   void accept_later();
-  void closed();
   void serve();
 
   Options options_;
-  std::list<std::weak_ptr<Seat>> seats_;  // as they came
-  std::size_t open_ = 0;
+  std::vector<Seat*> seats_;  // as they came
   bool accepting_ = false, stopping_ = false;
   boost::asio::io_context io_{1};
   boost::asio::basic_socket_acceptor<Protocol> acceptor_{io_};
