@@ -3,13 +3,11 @@
 #include <malloc.h>
 #include <prometheus/text_serializer.h>
 #include <sys/resource.h>
-#include <unistd.h>
 
 #include <array>
 #include <chrono>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <system_error>
@@ -101,12 +99,6 @@ void add_devices(Core& core, Families& out) {
   out.add(static_cast<double>(core.imaging.scenes_moved()));
 }
 
-std::uint64_t resident_bytes() {
-  std::uint64_t size = 0, resident = 0;
-  std::ifstream("/proc/self/statm") >> size >> resident;
-  return resident * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
-}
-
 std::size_t entries_of(const char* folder) {
   std::error_code error;
   const std::filesystem::directory_iterator files(folder, error);
@@ -122,7 +114,7 @@ void add_process(Families& out) {
   out.begin("process_cpu_seconds_total", "Processor time, all threads", MetricType::Counter);
   out.add(seconds(used.ru_utime) + seconds(used.ru_stime));
   out.begin("process_resident_memory_bytes", "Resident memory");
-  out.add(static_cast<double>(resident_bytes()));
+  out.add(static_cast<double>(resident_bytes_now()));
   const auto heap = mallinfo2();
   out.begin("process_heap_bytes",
             "Of it in use by malloc: without code, stacks, and what lies free between blocks");

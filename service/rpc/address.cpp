@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <linux/tcp.h>
 #include <netdb.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -11,7 +12,9 @@
 #include <charconv>
 #include <cstring>
 #include <memory>
+#include <set>
 #include <stdexcept>
+#include <utility>
 
 #include "service/limits/shown.h"
 #include "service/scene/files.h"
@@ -51,11 +54,10 @@ std::shared_ptr<void> prepare_socket(const Given& o, const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
-  const int file = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  if (file < 0) refuse(o, std::strerror(errno));
-  const int rc = ::connect(file, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
+  const FileDescriptor file(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (!file) refuse(o, std::strerror(errno));
+  const int rc = ::connect(file.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address));
   const int error = errno;
-  ::close(file);
   if (rc == 0) refuse(o, kInUse);
   if (error == ECONNREFUSED) {
     if (!std::filesystem::is_socket(path, ignored))
@@ -83,32 +85,50 @@ std::string words_of(int error, std::uint16_t port) {
   return words + (error == EADDRNOTAVAIL ? ": it is not this machine's; give one of its own" : "");
 }
 
-// Every address that the name stands for must be free: gRPC is content with one of them, and clients would
-// then find either service. One of them at least must be this process's to listen on.
-void require_free(const Given& o, const std::string& host, std::uint16_t port) {
-  if (port == 0) return;
+// Connections inherit the options.
+bool listens(int socket, const addrinfo& at) {
+  constexpr int kWaiting = 1024;                           // in the system's queue
+  constexpr int kYes = 1, kNo = 0, kUnansweredMs = 5'000;  // for what is sent and not received
+  // As gRPC sets them. Connections that linger from an earlier service are no hindrance.
+  ::setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &kYes, sizeof kYes);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &kYes, sizeof kYes);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, &kUnansweredMs, sizeof kUnansweredMs);
+  if (at.ai_family == AF_INET6) ::setsockopt(socket, IPPROTO_IPV6, IPV6_V6ONLY, &kNo, sizeof kNo);
+  return ::bind(socket, at.ai_addr, at.ai_addrlen) == 0 && ::listen(socket, kWaiting) == 0;
+}
+
+// Both families have the port in one place.
+std::uint16_t port_of(int socket) {
+  sockaddr_storage address{};
+  socklen_t size = sizeof address;
+  ::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size);
+  return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
+}
+
+// At every address that the host stands for and this machine has. All must be free: with one of them another
+// process's, clients would find either. Port 0 becomes one that is free.
+std::vector<FileDescriptor> listen_at(const Given& o, const std::string& host, std::uint16_t& port) {
   addrinfo hints{}, *all = nullptr;
   hints.ai_socktype = SOCK_STREAM;
-  if (const int failed = ::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &all); failed != 0)
+  if (const int failed = ::getaddrinfo(host.c_str(), "0", &hints, &all); failed != 0)
     refuse(o, ::gai_strerror(failed));
   const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> found(all, &::freeaddrinfo);
+  std::vector<FileDescriptor> sockets;
+  std::set<std::string> seen;  // a file of hosts may name one twice
   int error = 0;
-  bool bound = false;
-  for (const addrinfo* a = found.get(); a != nullptr; a = a->ai_next) {
-    const int file = ::socket(a->ai_family, a->ai_socktype | SOCK_CLOEXEC, a->ai_protocol);
-    if (file < 0) {
-      error = errno;
-      continue;
+  for (const addrinfo* at = found.get(); at != nullptr; at = at->ai_next) {
+    if (!seen.emplace(reinterpret_cast<const char*>(at->ai_addr), at->ai_addrlen).second) continue;
+    reinterpret_cast<sockaddr_in*>(at->ai_addr)->sin_port = htons(port);
+    FileDescriptor socket(::socket(at->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    if (socket && listens(socket.get(), *at)) {
+      port = port_of(socket.get());
+      sockets.push_back(std::move(socket));
+    } else if (error = errno; error == EADDRINUSE) {
+      refuse(o, "address in use: another process listens there; choose another port");
     }
-    const int yes = 1;  // as gRPC does: connections that linger from an earlier service are no hindrance
-    ::setsockopt(file, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-    const int failed = ::bind(file, a->ai_addr, a->ai_addrlen) == 0 ? 0 : errno;
-    ::close(file);
-    if (failed == EADDRINUSE) refuse(o, "address in use: another process listens there; choose another port");
-    if (failed == 0) bound = true;
-    if (failed != 0) error = failed;
   }
-  if (!bound) refuse(o, words_of(error, port));
+  if (sockets.empty()) refuse(o, words_of(error, port));
+  return sockets;
 }
 
 bool encrypted(const ListenOptions& o) {
@@ -145,8 +165,8 @@ Listening prepare_address(const ListenOptions& o) {
   if (!o.tls_client_ca.empty() && !encrypted(o))
     throw std::runtime_error("--tls-client-ca: it takes TLS; give --tls-certificate and --tls-key, too");
   const Given given{"--listen", o.listen};
-  const Address address = parse_address(given.flag, given.address);
-  if (!address.socket.empty()) return {"unix:" + address.socket, prepare_socket(given, address.socket)};
+  Address address = parse_address(given.flag, given.address);
+  if (!address.socket.empty()) return {"unix:" + address.socket, prepare_socket(given, address.socket), {}};
   if (!loopback(address.host) && !encrypted(o)) {
     if (!o.access.empty())
       refuse(given,
@@ -157,8 +177,9 @@ Listening prepare_address(const ListenOptions& o) {
              "reachable from other machines without encryption; give --tls-certificate and --tls-key, or "
              "--allow-insecure-remote if the network is trusted");
   }
-  require_free(given, address.host, address.port);
-  return {o.listen, nullptr};
+  auto sockets = listen_at(given, address.host, address.port);
+  return {o.listen.substr(0, o.listen.rfind(':') + 1) + std::to_string(address.port), nullptr,
+          std::move(sockets)};
 }
 
 Address prepare_local_address(const char* flag, const std::string& text) {
@@ -171,7 +192,8 @@ Address prepare_local_address(const char* flag, const std::string& text) {
   if (!loopback(address.host))
     refuse(given, "reachable from other machines; give 127.0.0.1:PORT or unix:/path");
   if (address.host == "localhost") address.host = "127.0.0.1";
-  require_free(given, address.host, address.port);
+  // Whoever asks listens for itself.
+  if (address.port != 0) listen_at(given, address.host, address.port);
   return address;
 }
 

@@ -1,11 +1,13 @@
-// Where the service listens, checked before gRPC sees it: gRPC would share a busy TCP port silently and steal
-// a live Unix socket.
+// Where the service listens. gRPC would share a busy TCP port silently and steal a live Unix socket.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
+
+#include "service/rpc/file_descriptor.h"
 
 namespace teletact::service {
 
@@ -18,11 +20,13 @@ struct ListenOptions {
 };
 
 struct Listening {
-  std::string address;         // for gRPC
-  std::shared_ptr<void> held;  // as Address has it
+  std::string address;                  // for gRPC and its clients: with the port that was chosen for 0
+  std::shared_ptr<void> held;           // as Address has it
+  std::vector<FileDescriptor> sockets;  // of TCP: they listen
 };
-// Checks the address and removes a Unix socket that nobody serves any more. Throws std::runtime_error, one
-// line: malformed, path too long, in use, not a socket, remote without TLS, half of what TLS takes.
+// Checks the address, removes a Unix socket that nobody serves any more, and listens on TCP. Throws
+// std::runtime_error, one line: malformed, path too long, in use, not a socket, remote without TLS, half of
+// what TLS takes.
 Listening prepare_address(const ListenOptions&);
 
 struct Address {

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <linux/tcp.h>
-#include <netdb.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
@@ -12,8 +11,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
-#include <stdexcept>
 #include <utility>
 
 namespace teletact::service {
@@ -21,8 +18,6 @@ namespace teletact::service {
 namespace {
 
 constexpr std::chrono::milliseconds kLook{20}, kLookAtKnown{200};
-constexpr int kWaiting = 1024;             // in the system's queue
-constexpr unsigned kUnansweredMs = 5'000;  // as gRPC sets it up: what is sent and not received
 
 // What gRPC calls a peer, and its host alone.
 struct Peer {
@@ -52,35 +47,6 @@ tcp_info info_of(int socket) {
   return info;
 }
 
-void set(int socket, int level, int option, int value) {
-  setsockopt(socket, level, option, &value, sizeof value);
-}
-
-// What is set here, connections inherit.
-FileDescriptor listener_at(const addrinfo& at, std::uint16_t port) {
-  FileDescriptor listener(::socket(at.ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (!listener) return listener;
-  set(listener.get(), SOL_SOCKET, SO_REUSEADDR, 1);
-  set(listener.get(), IPPROTO_TCP, TCP_NODELAY, 1);
-  set(listener.get(), IPPROTO_TCP, TCP_USER_TIMEOUT, kUnansweredMs);
-  if (at.ai_family == AF_INET6) set(listener.get(), IPPROTO_IPV6, IPV6_V6ONLY, 0);
-  sockaddr_storage address{};
-  std::memcpy(&address, at.ai_addr, at.ai_addrlen);
-  // The port has one place in both.
-  reinterpret_cast<sockaddr_in&>(address).sin_port = htons(port);
-  if (::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), at.ai_addrlen) != 0 ||
-      ::listen(listener.get(), kWaiting) != 0)
-    return FileDescriptor();
-  return listener;
-}
-
-std::uint16_t port_of(int listener) {
-  sockaddr_storage address{};
-  socklen_t size = sizeof address;
-  getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size);
-  return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
-}
-
 // One line a second at most.
 void say_cut(const std::string& peer, bool known, const char* why) {
   static std::atomic<std::int64_t> said_s{-1}, unsaid{0};
@@ -97,11 +63,16 @@ void say_cut(const std::string& peer, bool known, const char* why) {
 
 }  // namespace
 
-CountedConnection::CountedConnection(FileDescriptor socket, std::string peer, std::string host)
-    : socket_(std::move(socket)), peer_(std::move(peer)), host_(std::move(host)) {}
+CountedConnection::CountedConnection(FileDescriptor socket, std::string peer, std::string host,
+                                     const ConnectionLimits& limits)
+    : socket_(std::move(socket)),
+      peer_(std::move(peer)),
+      host_(std::move(host)),
+      most_open_(limits.most_open),
+      may_waste_(limits.wasted) {}
 
 void CountedConnection::begun() {
-  if (++open_ > kMostOpen) cut("calls that are reset and pile up");
+  if (++open_ > most_open_) cut("calls that are reset and pile up");
 }
 
 void CountedConnection::wasted() {
@@ -135,26 +106,8 @@ std::uint64_t CountedConnection::received_bytes() const {
   return info_of(socket_.get()).tcpi_bytes_received;
 }
 
-std::uint16_t Connections::listen(const std::string& host, std::uint16_t port) {
-  addrinfo hints{}, *all = nullptr;
-  hints.ai_socktype = SOCK_STREAM;
-  hints.ai_flags = AI_PASSIVE;
-  if (const int rc = ::getaddrinfo(host.c_str(), "0", &hints, &all); rc != 0)
-    throw std::runtime_error(gai_strerror(rc));
-  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> found(all, &::freeaddrinfo);
-  int failed = 0;
-  for (const addrinfo* at = found.get(); at != nullptr; at = at->ai_next)
-    if (FileDescriptor listener = listener_at(*at, port)) {
-      port = port_of(listener.get());
-      listeners_.push_back(std::move(listener));
-    } else {
-      failed = errno;
-    }
-  if (listeners_.empty()) throw std::runtime_error(std::strerror(failed));
-  return port;
-}
-
-void Connections::begin(Hand hand, std::size_t largest_message_bytes) {
+void Connections::begin(std::vector<FileDescriptor> listeners, Hand hand, std::size_t largest_message_bytes) {
+  listeners_ = std::move(listeners);
   hand_ = std::move(hand);
   most_unknown_bytes_ = 2 * largest_message_bytes;
   woken_ = FileDescriptor(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
@@ -170,7 +123,6 @@ void Connections::end() {
 }
 
 std::shared_ptr<CountedConnection> Connections::of(const std::string& peer) const {
-  if (excused_) return nullptr;
   const std::lock_guard lock(mutex_);
   const auto found = by_peer_.find(peer);
   return found == by_peer_.end() ? nullptr : found->second;
@@ -202,13 +154,15 @@ void Connections::look(Clock::time_point now) {
   for (auto at = by_peer_.begin(); at != by_peer_.end();) {
     CountedConnection& connection = *at->second;
     const double age_s = std::chrono::duration<double>(now - connection.since()).count();
-    const bool grown = resident_bytes > connection.resident_bytes_then() + kGrowthBytes;
-    const double at_once = grown ? kUnknownBytesPerSecond : static_cast<double>(most_unknown_bytes_);
-    const double most_bytes = at_once + kUnknownBytesPerSecond * age_s;
-    if (!connection.vouched() && !excused_ && static_cast<double>(connection.received_bytes()) > most_bytes)
+    const bool grown = resident_bytes > connection.resident_bytes_then() + limits_.growth_bytes;
+    const double at_once =
+        grown ? limits_.unknown_bytes_per_second : static_cast<double>(most_unknown_bytes_);
+    const double most_bytes = at_once + limits_.unknown_bytes_per_second * age_s;
+    if (!connection.vouched() && static_cast<double>(connection.received_bytes()) > most_bytes)
       connection.cut("bytes before it has shown who it is");
     if (connection.was_cut())
-      after_cut_.try_emplace(connection.host(), AfterCut{}).first->second.until = now + kAfterCut;
+      after_cut_.try_emplace(connection.host(), now, limits_.after_cut).first->second.until =
+          now + limits_.after_cut_for;
     at = connection.was_cut() || connection.closed() ? by_peer_.erase(at) : std::next(at);
   }
   std::erase_if(after_cut_, [&](const auto& host) { return host.second.until < now; });
@@ -224,8 +178,8 @@ bool Connections::make_room(Clock::time_point now) {
     ++unknown_;
     if (!oldest || connection->since() < oldest->since()) oldest = connection.get();
   }
-  if (unknown_ < kMostUnknown && by_peer_.size() < kMost) return true;
-  if (!oldest || now - oldest->since() < kLeastForShowing) return false;
+  if (unknown_ < limits_.most_unknown && by_peer_.size() < limits_.most) return true;
+  if (!oldest || now - oldest->since() < limits_.least_for_showing) return false;
   oldest->cut("others wait, and it has not shown who it is");
   by_peer_.erase(oldest->peer());
   return true;
@@ -245,8 +199,8 @@ void Connections::accept(int listener, Clock::time_point now) {
   if (!welcome(peer.host, now)) return;
   {
     const std::lock_guard lock(mutex_);
-    by_peer_.insert_or_assign(peer.name,
-                              std::make_shared<CountedConnection>(std::move(ours), peer.name, peer.host));
+    by_peer_.insert_or_assign(
+        peer.name, std::make_shared<CountedConnection>(std::move(ours), peer.name, peer.host, limits_));
   }
   hand_(socket.release(), listener);
 }

@@ -24,18 +24,32 @@
 
 namespace teletact::service {
 
+struct ConnectionLimits {
+  // Calls of a connection that are not done: gRPC admits half of it at once. More are calls that were reset
+  // and pile up.
+  int most_open = 512;
+  // Calls of a connection that come to nothing: reset by the peer, refused for who it is, of no such method.
+  Allowance wasted{200, 5};
+  // Before authority: connections at once, and how long one may at least take to show who it is.
+  std::size_t most_unknown = 128;
+  std::chrono::milliseconds least_for_showing{1000};
+  // What one may send until then: two of the largest messages, and this much a second. Only one second's
+  // where the process has grown by so much since it came: gRPC holds a peer that has not confirmed the
+  // settings to no number of calls, and tells nobody of those that wait for a message.
+  double unknown_bytes_per_second = 64 << 10;
+  std::size_t growth_bytes = 128 << 20;
+  std::size_t most = 4096;  // connections
+  // From a host one of whose connections was cut, others are let in this often for so long.
+  Allowance after_cut{2, 1};
+  std::chrono::seconds after_cut_for{10};
+};
+
 class CountedConnection {
  public:
   using Clock = std::chrono::steady_clock;
-  // Calls that are not done: gRPC admits half of it at once. More are calls that were reset, and that
-  // pile up.
-  static constexpr int kMostOpen = 512;
-  // Calls a second that come to nothing, and at once after a pause: reset by the peer, refused for who it is,
-  // of no such method.
-  static constexpr double kWastedPerSecond = 200, kWastedBurstS = 5;
 
   // `socket`: another descriptor of the one that gRPC has.
-  CountedConnection(FileDescriptor socket, std::string peer, std::string host);
+  CountedConnection(FileDescriptor socket, std::string peer, std::string host, const ConnectionLimits& = {});
 
   // One call of it.
   void begun();
@@ -60,54 +74,37 @@ class CountedConnection {
   const std::string peer_, host_;
   const Clock::time_point since_ = Clock::now();
   const std::size_t resident_bytes_then_ = resident_bytes_now();
+  const int most_open_;
   std::atomic<int> open_{0};
   std::atomic<bool> vouched_{false}, cut_{false};
   std::mutex mutex_;  // of the next
-  Allowance may_waste_{kWastedPerSecond, kWastedBurstS};
+  Allowance may_waste_;
 };
 
 class Connections {
  public:
   using Clock = std::chrono::steady_clock;
-  // Before authority: at once, and how long one may at least take to show who it is, whoever else waits.
-  static constexpr std::size_t kMostUnknown = 128;
-  static constexpr std::chrono::seconds kLeastForShowing{1};
-  // What one may send until then: two of the largest messages, and this much a second. No more than one
-  // second's where the process has grown by so much since it came: gRPC holds a peer that has not confirmed
-  // the settings to no number of calls, and those that wait for a message are told to nobody.
-  static constexpr double kUnknownBytesPerSecond = 64 << 10;
-  static constexpr std::size_t kGrowthBytes = 128 << 20;
-  static constexpr std::size_t kMost = 4096;
-  // From where one was cut, others are let in so often for so long.
-  static constexpr double kAfterCutPerSecond = 2;
-  static constexpr std::chrono::seconds kAfterCut{10};
-
   // Takes the socket over.
   using Hand = std::function<void(int socket, int listener)>;
 
-  Connections() = default;
+  explicit Connections(const ConnectionLimits& limits = {}) : limits_(limits) {}
   ~Connections() { end(); }
   Connections(const Connections&) = delete;
   Connections& operator=(const Connections&) = delete;
 
-  // Listens at each address that the host stands for; port 0: one that is free. Throws std::runtime_error
-  // with the system's words.
-  std::uint16_t listen(const std::string& host, std::uint16_t port);
   // Accepts from now on.
-  void begin(Hand, std::size_t largest_message_bytes);
+  void begin(std::vector<FileDescriptor> listeners, Hand, std::size_t largest_message_bytes);
   // No more are accepted; those that are there stay.
   void end();
 
   // Of a call, by what gRPC says of its peer; null: not one of these, a Unix socket's.
   std::shared_ptr<CountedConnection> of(const std::string& peer) const;
   std::size_t count() const;
-  // Nobody is cut from now on for what it does: for those who try every end of a call, thousands of times.
-  void excuse_all() { excused_ = true; }
 
  private:
   struct AfterCut {
     Clock::time_point until;
-    Allowance allowance{kAfterCutPerSecond, 1};
+    Allowance allowance;
   };
   void serve();
   void look(Clock::time_point now);
@@ -115,11 +112,12 @@ class Connections {
   void accept(int listener, Clock::time_point now);
   bool welcome(const std::string& host, Clock::time_point now);
 
+  const ConnectionLimits limits_;
   Hand hand_;
   std::size_t most_unknown_bytes_ = 0;
   std::vector<FileDescriptor> listeners_;
   FileDescriptor woken_;
-  std::atomic<bool> stop_{false}, excused_{false};
+  std::atomic<bool> stop_{false};
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<CountedConnection>, std::less<>> by_peer_;
   std::map<std::string, AfterCut> after_cut_;  // of the thread, as the next

@@ -52,7 +52,8 @@ struct Core {
        const std::filesystem::path& state_directory, const Limits& asked_for,
        std::shared_ptr<const TouchModels> models_, std::function<std::shared_ptr<Device>(std::size_t)> reopen,
        std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr,
-       bool standby = false, std::unique_ptr<Spans> spans_ = nullptr)
+       bool standby = false, std::unique_ptr<Spans> spans_ = nullptr,
+       const ConnectionLimits& connections_ = {})
       : devices(devices_.begin(), devices_.end()),
         limits(resolved(asked_for, host_memory_bytes(), least_memory_bytes(devices_))),
         instance(instance_),
@@ -60,6 +61,7 @@ struct Core {
         models(std::move(models_)),
         access(std::move(access_)),
         spans(std::move(spans_)),
+        connections(connections_),
         calls(limits),
         scenes(state_directory, limits, machine_files(), memory, models, standby),
         imaging(devices, scenes, memory, models, std::move(reopen), std::move(tell)),

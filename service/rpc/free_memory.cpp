@@ -3,7 +3,9 @@
 #include <malloc.h>
 #include <unistd.h>
 
+#include <condition_variable>
 #include <fstream>
+#include <mutex>
 
 #include "service/scene/niced_worker.h"
 
@@ -16,20 +18,13 @@ std::size_t resident_bytes_now() {
 }
 
 FreeMemory::FreeMemory(std::chrono::milliseconds between)
-    : thread_([this, between] {
+    : thread_([this, between](const std::stop_token& stop) {
         be_nice();
-        std::unique_lock lock(mutex_);
-        while (!stopped_.wait_for(lock, between, [this] { return stop_; })) look();
+        std::mutex mutex;
+        std::unique_lock lock(mutex);
+        std::condition_variable_any stopped;
+        while (!stopped.wait_for(lock, stop, between, [&] { return stop.stop_requested(); })) look();
       }) {}
-
-FreeMemory::~FreeMemory() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  stopped_.notify_all();
-  thread_.join();
-}
 
 // What was given back still counts as free: whether there is more, resident memory says.
 void FreeMemory::look() {

@@ -3,9 +3,7 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
-#include <mutex>
 #include <thread>
 
 namespace teletact::service {
@@ -19,15 +17,11 @@ class FreeMemory {
   static constexpr std::chrono::seconds kLook{10};
 
   explicit FreeMemory(std::chrono::milliseconds between = kLook);
-  ~FreeMemory();
 
  private:
   void look();
   std::size_t resident_bytes_ = 0;  // after it gave back last
-  bool stop_ = false;
-  std::mutex mutex_;
-  std::condition_variable stopped_;
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 }  // namespace teletact::service

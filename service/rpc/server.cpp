@@ -23,8 +23,7 @@ namespace {
 
 constexpr int kMostCallsPerConnection = 256;                       // more wait in the client
 constexpr int kHandshakeMs = 10'000, kIdleConnectionMs = 300'000;  // a connection without calls
-constexpr int kMostReadBytes =
-    64 << 10;  // of a connection at once: others take their turns, and it can be cut
+constexpr int kMostReadBytes = 64 << 10;  // of a connection at once: others take turns, and it can be cut
 constexpr int kKeepaliveTimeMs = 10'000, kKeepaliveTimeoutMs = 5'000, kLeastPingIntervalMs = 5'000;
 
 const char* const kServices[] = {"teletact.v1.Info", "teletact.v1.Elastography", "teletact.v1.Palpation"};
@@ -51,7 +50,6 @@ void refuse_compressed(grpc::ServerBuilder& builder) {
 void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.SetMaxReceiveMessageSize(most_message_bytes(limits));
   builder.SetMaxSendMessageSize(-1);  // maps are as large as the frames that were allowed in
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveTimeMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
@@ -71,8 +69,8 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
 }  // namespace
 
 Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions& options) {
-  const Listening listening = prepare_address(options.listen);
-  const std::string& address = listening.address;
+  Listening listening = prepare_address(options.listen);
+  address_ = listening.address;
   held_ = listening.held;
   const auto credentials = credentials_of(options.listen);
   auto access = options.listen.access.empty()
@@ -82,7 +80,8 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   auto spans = Spans::make(options.spans, {TELETACT_VERSION, hex(instance)});
   core_ = std::make_unique<Core>(
       devices, instance, options.state_directory, options.limits, options.models, options.reopen,
-      [this](bool work) { tell_devices(work); }, std::move(access), options.standby, std::move(spans));
+      [this](bool work) { tell_devices(work); }, std::move(access), options.standby, std::move(spans),
+      options.connections);
   elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);
   palpation_ = std::make_unique<PalpationService>(*core_);
@@ -91,9 +90,8 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   grpc::EnableDefaultHealthCheckService(false);
   grpc::ServerBuilder builder;
   set_limits(builder, core_->limits);
-  address_ = address;
-  if (address.starts_with("unix:"))
-    builder.AddListeningPort(address, credentials);
+  if (listening.sockets.empty())
+    builder.AddListeningPort(address_, credentials);
   else
     acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
         grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
@@ -105,7 +103,6 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(std::make_unique<CountCalls>(core_->connections));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
-  if (acceptor_) listen(options.listen);
   server_ = builder.BuildAndStart();
   if (!server_)
     throw std::runtime_error(
@@ -114,6 +111,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   set_health(false);
   if (!acceptor_) return;
   core_->connections.begin(
+      std::move(listening.sockets),
       [this](int socket, int listener) {
         grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters taken;
         taken.listener_fd = listener;
@@ -121,15 +119,6 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
         acceptor_->HandleNewConnection(&taken);
       },
       static_cast<std::size_t>(most_message_bytes(core_->limits)));
-}
-
-// Before gRPC serves: nobody is answered by half of it.
-void Server::listen(const ListenOptions& options) try {
-  const Address at = parse_address("--listen", options.listen);
-  const std::uint16_t port = core_->connections.listen(at.host, at.port);
-  address_ = address_.substr(0, address_.rfind(':') + 1) + std::to_string(port);
-} catch (const std::runtime_error& error) {
-  throw std::runtime_error(fmt::format("--listen {}: cannot listen there: {}", options.listen, error.what()));
 }
 
 Server::~Server() {

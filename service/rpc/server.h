@@ -31,6 +31,7 @@ struct ServerOptions {
   // The device of this number, after it failed.
   std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
   Limits limits;
+  ConnectionLimits connections;
   std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
   SpansOptions spans;
   Access::Now now = WallClock::now;  // by which access expires
@@ -60,7 +61,6 @@ class Server {
   Core& core() { return *core_; }
 
  private:
-  void listen(const ListenOptions&);
   void set_health(bool serving);
   void tell_devices(bool work);
   std::shared_ptr<void> held_;  // the socket; first: until nobody listens

@@ -2,8 +2,9 @@
 #include <malloc.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <chrono>
-#include <fstream>
+#include <functional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -39,32 +40,39 @@ grpc::Status get_info(const std::shared_ptr<grpc::Channel>& channel, bool compre
 // On TCP: whoever reaches a Unix socket may use this machine.
 class BeforeAuthority : public testing::Test {
  protected:
-  explicit BeforeAuthority(const Limits& limits = {}) : server("127.0.0.1:0", "", limits) {
+  explicit BeforeAuthority(const Limits& limits = {}, const ConnectionLimits& connections = {})
+      : server("127.0.0.1:0", "", limits, plane_models(), {}, false, {}, connections) {
     server->make_ready();
     EXPECT_TRUE(server.create(uniform_scene("s")).ok());
   }
   std::string address() { return server->address(); }
+  // A peer makes calls until it is cut: the most bytes that the heap grows by meanwhile.
+  std::size_t growth_until_cut(const std::function<std::string(std::uint32_t stream)>& call) {
+    constexpr std::uint32_t kMostCalls = 60'000, kAtOnce = 100;
+    Http2Peer peer(address());
+    const std::size_t before = heap_bytes();
+    std::size_t most = before;
+    std::uint32_t calls = 0;
+    for (bool there = true; there && calls < kMostCalls; calls += kAtOnce) {
+      std::string bytes;
+      for (std::uint32_t k = calls; k < calls + kAtOnce; ++k) bytes += call(2 * k + 1);
+      there = peer.send(bytes) && peer.receive();
+      most = std::max(most, heap_bytes());
+    }
+    EXPECT_LT(calls, kMostCalls) << "it goes on";
+    return most - before;
+  }
   RunningServer server;
 };
 
 class Resets : public BeforeAuthority, public testing::WithParamInterface<const char*> {};
 
 TEST_P(Resets, CutTheirConnectionAndLeaveNothing) {
-  constexpr std::uint32_t kMostCalls = 60'000, kAtOnce = 100;
   Bystander bystander(server.channel(), "s");
-  Http2Peer peer(address());
-  const std::size_t before = heap_bytes();
-  std::size_t most = 0;
-  std::uint32_t calls = 0;
-  for (bool there = true; there && calls < kMostCalls; calls += kAtOnce) {
-    std::string bytes;
-    for (std::uint32_t k = calls; k < calls + kAtOnce; ++k)
-      bytes += Http2Peer::call(2 * k + 1, GetParam()) + Http2Peer::reset(2 * k + 1);
-    there = peer.send(bytes) && peer.receive();
-    most = std::max(most, heap_bytes());
-  }
-  EXPECT_LT(calls, kMostCalls) << "it goes on";
-  EXPECT_LT(most, before + (std::size_t{256} << 20));
+  const auto call = [](std::uint32_t stream) {
+    return Http2Peer::call(stream, GetParam()) + Http2Peer::reset(stream);
+  };
+  EXPECT_LT(growth_until_cut(call), std::size_t{256} << 20);
   bystander.stop();
   EXPECT_EQ(bystander.failures(), 0);
   server.expect_all_calls_end();
@@ -82,20 +90,10 @@ INSTANTIATE_TEST_SUITE_P(Of, Resets,
 // gRPC holds a peer that confirms no settings to no number of them, and tells nobody before a message has
 // come.
 TEST_F(BeforeAuthority, CallsThatWaitForTheirMessageCutTheConnection) {
-  constexpr std::uint32_t kMostCalls = 60'000, kAtOnce = 100;
-  Http2Peer peer(address());
-  const std::size_t before = heap_bytes();
-  std::size_t most = 0;
-  std::uint32_t calls = 0;
-  for (bool there = true; there && calls < kMostCalls; calls += kAtOnce) {
-    std::string bytes;
-    for (std::uint32_t k = calls; k < calls + kAtOnce; ++k)
-      bytes += Http2Peer::call(2 * k + 1, "/grpc.health.v1.Health/Check");
-    there = peer.send(bytes) && peer.receive();
-    most = std::max(most, heap_bytes());
-  }
-  EXPECT_LT(calls, kMostCalls) << "it goes on";
-  EXPECT_LT(most, before + (std::size_t{350} << 20));
+  const auto call = [](std::uint32_t stream) {
+    return Http2Peer::call(stream, "/grpc.health.v1.Health/Check");
+  };
+  EXPECT_LT(growth_until_cut(call), std::size_t{350} << 20);
 }
 
 // Frames of a type that there is not: HTTP/2 has them ignored.
@@ -109,15 +107,27 @@ TEST_F(BeforeAuthority, BytesThatAreNoCallsCutTheConnection) {
   EXPECT_TRUE(get_info(server.channel()).ok());
 }
 
-TEST_F(BeforeAuthority, IdleConnectionsGiveWay) {
+class FewUnknown : public BeforeAuthority {
+ protected:
+  static constexpr std::size_t kMost = 16;
+  FewUnknown() : BeforeAuthority({}, limits()) {}
+  static ConnectionLimits limits() {
+    ConnectionLimits limits;
+    limits.most_unknown = kMost;
+    limits.least_for_showing = std::chrono::milliseconds(20);
+    return limits;
+  }
+};
+
+TEST_F(FewUnknown, IdleConnectionsGiveWay) {
   std::vector<Http2Peer> idle;
-  for (std::size_t k = 0; k < 2 * Connections::kMostUnknown; ++k) idle.emplace_back(address());
+  for (std::size_t k = 0; k < 2 * kMost; ++k) idle.emplace_back(address());
   const auto channel = server.channel();
   EXPECT_TRUE(get_info(channel).ok());
-  EXPECT_LE(server->core().connections.count(), Connections::kMostUnknown + 3);
+  EXPECT_LE(server->core().connections.count(), kMost + 3);
   EXPECT_FALSE(idle.front().receive(10'000) && idle.front().receive(10'000)) << "the oldest stays";
   // One that has shown who it is stays.
-  for (std::size_t k = 0; k < Connections::kMostUnknown; ++k) idle.emplace_back(address());
+  for (std::size_t k = 0; k < kMost; ++k) idle.emplace_back(address());
   EXPECT_TRUE(get_info(channel).ok());
 }
 
@@ -161,9 +171,10 @@ TEST_F(ShortPatience, TouchThatTakesNothingEndsWhateverItSends) {
   Http2Peer peer(address(), Http2Peer::setting(kInitialWindow, 0));
   peer.send(Http2Peer::call(1, "/teletact.v1.Palpation/Touch") +
             Http2Peer::message(1, open.SerializeAsString(), false));
-  while (server->core().calls.count() == 0) std::this_thread::yield();
+  const auto touches = [this] { return server->core().calls.count(CallKind::kTouch); };
+  while (touches() == 0) std::this_thread::yield();
   const auto begun = steady_clock::now();
-  for (std::uint64_t k = 1; server->core().calls.count() > 0; ++k) {
+  for (std::uint64_t k = 1; touches() > 0; ++k) {
     ASSERT_LT(steady_clock::now() - begun, std::chrono::seconds(60)) << "it holds its place";
     pose.mutable_pose()->set_sequence(k);
     peer.send(Http2Peer::message(1, pose.SerializeAsString(), false));
@@ -227,9 +238,10 @@ struct Pair {
 };
 
 TEST(CountedConnection, CallsThatPileUpCutIt) {
+  const int kMostOpen = ConnectionLimits{}.most_open;
   const Pair pair;
-  for (int k = 0; k < 10 * CountedConnection::kMostOpen; ++k) pair.ours->begun(), pair.ours->ended();
-  for (int k = 0; k < CountedConnection::kMostOpen; ++k) pair.ours->begun();
+  for (int k = 0; k < 10 * kMostOpen; ++k) pair.ours->begun(), pair.ours->ended();
+  for (int k = 0; k < kMostOpen; ++k) pair.ours->begun();
   EXPECT_FALSE(pair.cut());
   pair.ours->begun();
   EXPECT_TRUE(pair.cut());
@@ -247,20 +259,15 @@ TEST(CountedConnection, CallsThatComeToNothingCutIt) {
 #ifndef __SANITIZE_ADDRESS__
 TEST(FreeMemory, IsGivenBack) {
   constexpr std::size_t kBlocks = 200'000, kBlockBytes = 1024, kKept = 1000;
-  const auto resident = [] {
-    std::size_t pages = 0, held = 0;
-    std::ifstream("/proc/self/statm") >> pages >> held;
-    return held * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
-  };
   std::vector<std::unique_ptr<char[]>> blocks(kBlocks);
   for (auto& block : blocks) block = std::make_unique<char[]>(kBlockBytes);
   for (std::size_t k = 0; k < kBlocks; ++k)
     if (k % kKept != 0) blocks[k].reset();
-  const std::size_t held = resident();
+  const std::size_t held = resident_bytes_now();
   const FreeMemory keeper(std::chrono::milliseconds(20));
-  for (int k = 0; k < 1000 && resident() > held - kBlocks * kBlockBytes / 2; ++k)
+  for (int k = 0; k < 1000 && resident_bytes_now() > held - kBlocks * kBlockBytes / 2; ++k)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  EXPECT_LE(resident(), held - kBlocks * kBlockBytes / 2);
+  EXPECT_LE(resident_bytes_now(), held - kBlocks * kBlockBytes / 2);
 }
 #endif
 

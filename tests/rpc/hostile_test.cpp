@@ -1,10 +1,10 @@
 // Clients that mean no good, or are broken: what they can hold is bounded, and the others are served on.
 #include <malloc.h>
-#include <fstream>
 #include <future>
 #include <optional>
 #include <vector>
 
+#include "service/rpc/free_memory.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/support/finger_reader.h"
 
@@ -13,9 +13,7 @@ namespace {
 
 std::size_t resident_bytes() {
   malloc_trim(0);  // what is held, not what the allocator has not given back yet
-  std::size_t pages = 0, resident = 0;
-  std::ifstream("/proc/self/statm") >> pages >> resident;
-  return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  return resident_bytes_now();
 }
 
 using Hostile = OnOneServer;

@@ -57,7 +57,7 @@ class RunningServer {
                          const Limits& limits = {},
                          std::shared_ptr<const TouchModels> models = plane_models(),
                          const std::vector<DeviceOptions>& devices = {}, bool standby = false,
-                         const SpansOptions& spans = {}) {
+                         const SpansOptions& spans = {}, const ConnectionLimits& connections = {}) {
     static int count = 0;
     folder_ = std::filesystem::temp_directory_path() /
               ("teletact-rpc-" + std::to_string(getpid()) + "-" + std::to_string(count++));
@@ -71,6 +71,7 @@ class RunningServer {
       return Device::open(devices.empty() ? DeviceOptions{} : devices.at(number));
     };
     options.limits = limits;
+    options.connections = connections;
     options.models = std::move(models);
     server_ = std::make_unique<Server>(opened(devices), options);
     palpation_ = v1::Palpation::NewStub(channel());
