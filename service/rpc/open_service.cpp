@@ -9,14 +9,11 @@
 
 #include "service/rpc/call_life.h"
 #include "service/rpc/status.h"
+#include "service/scene/errors.h"
 
 namespace teletact::service {
 
 namespace {
-
-class HealthCheck final : public grpc::ServerUnaryReactor {
-  void OnDone() override { delete this; }
-};
 
 class UnknownMethod final : public grpc::ServerGenericBidiReactor {
  public:
@@ -38,13 +35,9 @@ class HealthWatch final : public grpc::ServerWriteReactor<HealthService::Respons
  public:
   HealthWatch(HealthService& service, std::string of) : service_(service), of_(std::move(of)) {}
 
-  void begin(const std::shared_ptr<HealthWatch>& self, const grpc::Status& refused) {
-    self_ = self;
-    if (!refused.ok()) return end(refused);
-    if (!service_.join(self))
-      return end({grpc::StatusCode::RESOURCE_EXHAUSTED,
-                  fmt::format("all {} places for watches of health are taken; ask with Check",
-                              HealthService::kMostWatches)});
+  void begin(std::shared_ptr<HealthWatch> self, const grpc::Status& allowed) {
+    self_ = std::move(self);
+    if (!allowed.ok()) end(allowed);
     tell();
   }
   // Says what has changed, once what was said is taken.
@@ -108,7 +101,7 @@ HealthService::HealthService() {
 
 grpc::ServerUnaryReactor* HealthService::check(grpc::CallbackServerContext* context, const Request& request,
                                                Response* response) {
-  auto* call = new HealthCheck;
+  auto* call = context->DefaultReactor();
   call->Finish(guarded([&] {
     require_short_headers(*context);
     const Status status = of(request.value());
@@ -125,6 +118,7 @@ grpc::ServerWriteReactor<HealthService::Response>* HealthService::watch(grpc::Ca
   const auto call = std::make_shared<HealthWatch>(*this, request.value());
   call->begin(call, guarded([&] {
                 require_short_headers(*context);
+                join(call);
                 return grpc::Status::OK;
               }));
   return call.get();  // not done before gRPC has it
@@ -155,9 +149,12 @@ HealthService::Status HealthService::of(const std::string& service) {
   return found->second ? kServing : kNotServing;
 }
 
-bool HealthService::join(const std::shared_ptr<HealthWatch>& watch) {
+void HealthService::join(const std::shared_ptr<HealthWatch>& watch) {
   const std::lock_guard lock(mutex_);
-  return watches_.size() < kMostWatches && watches_.insert(watch).second;
+  if (watches_.size() >= kMostWatches)
+    throw Error(ErrorKind::kExhausted,
+                fmt::format("all {} places for watches of health are taken; ask with Check", kMostWatches));
+  watches_.insert(watch);
 }
 
 void HealthService::leave(const std::shared_ptr<HealthWatch>& watch) {
@@ -174,7 +171,8 @@ void HealthService::tell() {
   for (const auto& watch : watches()) watch->tell();
 }
 
-void HealthService::end_watches() {
+void HealthService::end() {
+  shut();
   for (const auto& watch : watches())
     watch->end({grpc::StatusCode::UNAVAILABLE, "the service is shutting down; connect again later"});
 }

@@ -34,15 +34,15 @@ class HealthService final : public grpc::Service {
   void set(const std::string& service, bool serving);
   // Nothing is serving from now on.
   void shut();
-  // Watches end; after shut().
-  void end_watches();
+  // Watches end, too.
+  void end();
 
  private:
   friend class HealthWatch;
   grpc::ServerUnaryReactor* check(grpc::CallbackServerContext*, const Request&, Response*);
   grpc::ServerWriteReactor<Response>* watch(grpc::CallbackServerContext*, const Request&);
   Status of(const std::string& service);
-  bool join(const std::shared_ptr<HealthWatch>&);
+  void join(const std::shared_ptr<HealthWatch>&);
   void leave(const std::shared_ptr<HealthWatch>&);
   std::vector<std::shared_ptr<HealthWatch>> watches();
   void tell();

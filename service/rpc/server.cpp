@@ -161,8 +161,7 @@ void Server::drain() {
   drained_ = true;
   const std::size_t open = core_->calls.count();
   spdlog::info("event=drain calls={}", open);
-  health_->shut();
-  health_->end_watches();
+  health_->end();
   core_->calls.drain();
   core_->imaging.stop();
   core_->scenes.let_go();

@@ -107,22 +107,14 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
   return wishes;
 }
 
-namespace {
-
-// What is no length of a tissue is none: squared, or divided by, it would leave the numbers that there are.
-Vector3 no_less_than_a_picometre(Vector3 position_m) {
-  constexpr double kLeastM = 1e-12;
+FingerPose pose_from(const v1::ContactPose& in) {
+  Vector3 position_m = vector_from("pose.position_m", in.position_m(), false);
+  constexpr double kLeastM = 1e-12;  // energies of less underflow, and errors relative to them are not finite
   for (double& x_m : position_m)
     if (std::abs(x_m) < kLeastM) x_m = 0;
-  return position_m;
-}
-
-}  // namespace
-
-FingerPose pose_from(const v1::ContactPose& in) {
   return {in.sequence(),
           in.acknowledged(),
-          no_less_than_a_picometre(vector_from("pose.position_m", in.position_m(), false)),
+          position_m,
           vector_from("pose.velocity_m_s", in.velocity_m_s(), true),
           static_cast<std::size_t>(in.position_m_size()),
           in.stamp().monotonic_ns(),
