@@ -3,6 +3,7 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -43,6 +44,11 @@ class HttpPeer {
     char byte = 0;
     const ssize_t n = ::recv(socket_, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
     return n == 0 || (n < 0 && errno == ECONNRESET);
+  }
+  // Whether something has come, or comes within this time.
+  bool answered_within(int milliseconds) const {
+    pollfd waiting{socket_, POLLIN, 0};
+    return ::poll(&waiting, 1, milliseconds) > 0;
   }
   void close_sending() { ::shutdown(socket_, SHUT_WR); }
   // All that comes until the other side closes, or goes away.
