@@ -8,7 +8,7 @@ By each Python from 3.11 to 3.14 that is found, with the newest and the oldest g
 allow, of stubs by protoc and by the newest grpcio-tools: a scene is made and touched. Takes an index of Python
 packages; exits with 77, and says so, where none answers.
 """
-import argparse, os, re, shutil, subprocess, sys, tempfile, time, venv
+import argparse, contextlib, os, shutil, subprocess, sys, tempfile, time
 from pathlib import Path
 
 VERSIONS = ["3.11", "3.12", "3.13", "3.14"]
@@ -125,15 +125,11 @@ def main():
         if got.returncode != 0:
             print(f"SKIPPED: no index of Python packages answers: {got.stderr.strip()[-300:]}")
             sys.exit(77)
-        service = None if asked.service else Service(asked.build, folder)
-        address = asked.service or service.__enter__()
-        try:
+        service = contextlib.nullcontext(asked.service) if asked.service else Service(asked.build, folder)
+        with service as address:
             for version, python in found.items():
                 (folder / version).mkdir()
                 try_all(tools, python, version, folder / version, address)
-        finally:
-            if service:
-                service.__exit__()
     for version in sorted(set(VERSIONS) - set(found)):
         print(f"not tried: there is no python{version}")
 
