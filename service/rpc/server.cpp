@@ -105,9 +105,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   server_ = builder.BuildAndStart();
   if (!server_)
-    throw std::runtime_error(
-        fmt::format("--listen {}: cannot listen there; the address is in use or not this machine's",
-                    options.listen.listen));
+    throw std::runtime_error(fmt::format("--listen {}: cannot listen there", options.listen.listen));
   set_health(false);
   if (!acceptor_) return;
   core_->connections.begin(
