@@ -56,9 +56,4 @@ TissueExtent tissue_extent(const teletact::v1::Acquisition& acquisition);
 // Else empty.
 std::string modulus_doubt(double background_pa);
 
-// The spacing of samples (m) that `stated_m` contradicts by more than 1 % is c / (2 fs): throws
-// FrameInputError with a hint where the value looks like millimetres, or like metres.
-void check_sample_spacing(double stated_m, double sound_speed_m_s, double sampling_frequency_hz,
-                          const std::string& file);
-
 }  // namespace teletact::client
