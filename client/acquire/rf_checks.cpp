@@ -16,12 +16,11 @@ namespace {
 // Density of the spectrum at its low end over that at its peak: echoes have 0.004 at most (a phantom, three
 // simulations), envelopes, pictures and what lies across lines 0.85 at least.
 constexpr double kOscillates = 0.25, kDoesNot = 0.5;
-constexpr double kInAPeriod =
-    16;  // a piece is at least so many periods long: its low end is far below the peak
+constexpr double kLeastPeriods = 16;  // of a piece: its low end is far below the peak
 constexpr std::size_t kLeastPiece = 32, kMostPiece = 1024, kMostPieces = 256;
 constexpr double kOffset = 0.2;       // of the samples' root mean square about their mean
 constexpr double kHigher = 1.15;      // tissue lowers the frequency of echoes, nothing raises it
-constexpr double kLower = 0.82;       // it takes a tenth, seldom more than a sixth
+constexpr double kLower = 0.84;       // it takes a tenth, seldom more than a sixth
 constexpr double kServiceSays = 1.5;  // from this ratio on, in either direction
 constexpr double kAlike = 0.01;
 constexpr double kAreasApart = 1.5;
@@ -36,7 +35,7 @@ struct Lines {
 // means. Empty where the lines are too short, or silent.
 std::vector<double> spectrum(const Lines& lines, double period) {
   std::size_t piece = kLeastPiece;
-  while (static_cast<double>(piece) < kInAPeriod * period && piece < kMostPiece) piece *= 2;
+  while (static_cast<double>(piece) < kLeastPeriods * period && piece < kMostPiece) piece *= 2;
   if (lines.length < piece || lines.count == 0) return {};
   std::vector<std::complex<double>> turn(piece);
   std::vector<double> window(piece), part(piece), sum(piece / 2 + 1);
@@ -44,11 +43,12 @@ std::vector<double> spectrum(const Lines& lines, double period) {
     turn[k] = std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(piece));
     window[k] = 1 - turn[k].real();
   }
-  const std::size_t in_line = lines.length / piece, all = in_line * lines.count,
-                    every = std::max<std::size_t>(1, all / kMostPieces);
-  for (std::size_t p = 0; p < all; p += every) {
-    const float* at =
-        lines.samples + p / in_line * lines.between_lines + p % in_line * piece * lines.between_samples;
+  const std::size_t in_line = lines.length / piece,
+                    every = std::max<std::size_t>(1, in_line * lines.count / kMostPieces);
+  // Of whole lines: at one end they may be silent.
+  for (std::size_t p = 0; p < (lines.count + every - 1) / every * in_line; ++p) {
+    const float* at = lines.samples + p / in_line * every * lines.between_lines +
+                      p % in_line * piece * lines.between_samples;
     double mean = 0;
     for (std::size_t k = 0; k < piece; ++k) mean += at[k * lines.between_samples];
     mean /= static_cast<double>(piece);
@@ -151,10 +151,12 @@ RfVerdict check_rf(std::vector<float>& samples, std::size_t line_count, RfAxis a
         fmt::format("{}: says {}, but its samples oscillate as RF does, around {}: taken as RF", said.file,
                     said.kind, in_mhz(hz)));
   if (hz > 0 && (ratio > kHigher || ratio < kLower) && ratio < kServiceSays && ratio > 1 / kServiceSays)
-    verdict.doubts.push_back(fmt::format(
-        "{}: its echoes lie around {}, where {} is stated: is the sampling frequency {}? A wrong "
-        "one makes every length wrong",
-        said.file, in_mhz(hz), in_mhz(said.center_frequency_hz), in_mhz(said.sampling_frequency_hz)));
+    verdict.doubts.push_back(
+        fmt::format("{}: its echoes lie around {}, {} the {} stated, {}. If the sampling frequency is not "
+                    "{}, every length is wrong",
+                    said.file, in_mhz(hz), ratio > 1 ? "above" : "below", in_mhz(said.center_frequency_hz),
+                    ratio > 1 ? "which tissue cannot cause" : "as some scanners' do",
+                    in_mhz(said.sampling_frequency_hz)));
   verdict.had_offset = remove_offset(samples);
   return verdict;
 }
