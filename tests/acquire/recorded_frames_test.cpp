@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "client/files/metaimage.h"
+#include "tests/files/refusal.h"
 #include "tests/files/temporary_folder.h"
 
 namespace teletact::client {
@@ -30,12 +32,7 @@ TEST(TissueExtent, IsTheFramesWhereNothingIsStatedAndSaysSo) {
 }
 
 std::string refusal(const RecordedFrameOptions& options) {
-  try {
-    read_recorded_frames(options);
-  } catch (const FrameInputError& error) {
-    return error.what();
-  }
-  return "";
+  return refusal_of<FrameInputError>([&] { read_recorded_frames(options); });
 }
 
 // On the wire 0 stands for the default, so a 0 that was asked for must not get there.
@@ -83,25 +80,23 @@ TEST(RecordedFrames, WhatIsOfAnotherKindOfFileIsRefusedByName) {
   EXPECT_NE(refusal(options).find("--sampling-frequency-hz"), std::string::npos) << refusal(options);
 }
 
-// Options for one file of 64 samples x 8 lines, with these lines in its header.
-RecordedFrameOptions one_file(const TemporaryFolder& folder, const std::string& placed) {
+// Options for one file of 64 samples x 8 lines.
+RecordedFrameOptions one_file(const TemporaryFolder& folder, std::vector<double> spacing,
+                              std::vector<double> origin = {}) {
   RecordedFrameOptions options;
   options.center_frequency_hz = 7e6;
   options.sampling_frequency_hz = 38.5e6;  // 20 um per sample
   options.frame = "LAB";
   options.pre = options.post = folder / "a.mha";
-  put_content(options.pre,
-              "ObjectType = Image\nNDims = 2\nBinaryData = True\nBinaryDataByteOrderMSB = False\n" + placed +
-                  "DimSize = 64 8\nElementType = MET_SHORT\nElementDataFile = LOCAL\n" +
-                  std::string(64 * 8 * 2, '\1'));
+  write_metaimage(options.pre, MetaImage::of<std::int16_t>({64, 8}, std::move(spacing), std::move(origin),
+                                                           std::vector<std::int16_t>(64 * 8, 0x101)));
   return options;
 }
 
 TEST(RecordedFrames, LengthsAreInTheUnitStated) {
   const TemporaryFolder folder;
-  for (const auto& [unit, placed] : {std::pair("m", "ElementSpacing = 2e-5 0.0003\nOffset = 0.0015 0\n"),
-                                     std::pair("mm", "ElementSpacing = 0.02 0.3\nOffset = 1.5 0\n")}) {
-    RecordedFrameOptions options = one_file(folder, placed);
+  for (const auto& [unit, per_m] : {std::pair("m", 1.0), std::pair("mm", 1000.0)}) {
+    RecordedFrameOptions options = one_file(folder, {2e-5 * per_m, 0.0003 * per_m}, {0.0015 * per_m, 0});
     options.spacing_unit = unit;
     const v1::Acquisition acquisition = read_recorded_frames(options).acquisition;
     EXPECT_NEAR(acquisition.line_pitch_m(), 0.0003, 1e-12) << unit;
@@ -112,8 +107,7 @@ TEST(RecordedFrames, LengthsAreInTheUnitStated) {
 // What is not stated is sent all the same, so that the record of an estimate says what it was made with.
 TEST(RecordedFrames, DefaultsAreSent) {
   const TemporaryFolder folder;
-  const v1::Acquisition acquisition =
-      read_recorded_frames(one_file(folder, "ElementSpacing = 2e-5 0.0003\n")).acquisition;
+  const v1::Acquisition acquisition = read_recorded_frames(one_file(folder, {2e-5, 0.0003})).acquisition;
   EXPECT_EQ(acquisition.poisson_ratio(), 0.49);
   EXPECT_EQ(acquisition.max_strain(), 0.05);
   EXPECT_EQ(acquisition.plane(), v1::PLANE_CONDITION_SOLID);

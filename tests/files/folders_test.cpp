@@ -5,6 +5,7 @@
 
 #include "client/files/file_io.h"
 #include "client/text/utf8.h"
+#include "tests/files/refusal.h"
 #include "tests/files/temporary_folder.h"
 
 namespace teletact::client {
@@ -14,12 +15,10 @@ TEST(HeldFolder, IsOneProcessesAtATime) {
   const TemporaryFolder folder;
   std::optional<HeldFolder> first(folder / "out/of/this");
   EXPECT_TRUE(std::filesystem::is_empty(folder / "out/of/this")) << "nothing is left in it";
-  try {
-    const HeldFolder second(folder / "out/of/../of/this");
-    FAIL();
-  } catch (const FileError& error) {
-    EXPECT_NE(std::string(error.what()).find("another process writes its results there"), std::string::npos);
-  }
+  EXPECT_NE(refusal_of<FileError>([&] {
+              HeldFolder(folder / "out/of/../of/this");
+            }).find("another process writes its results there"),
+            std::string::npos);
   const HeldFolder other(folder / "out");
   first.reset();
   const HeldFolder again(folder / "out/of/this");
@@ -28,13 +27,8 @@ TEST(HeldFolder, IsOneProcessesAtATime) {
 TEST(HeldFolder, SaysWhyItCannotBeWritten) {
   const TemporaryFolder folder;
   put_content(folder / "file", "");
-  try {
-    const HeldFolder in_a_file(folder / "file/out");
-    FAIL();
-  } catch (const FileError& error) {
-    EXPECT_NE(std::string(error.what()).find("cannot be created (Not a directory)"), std::string::npos)
-        << error.what();
-  }
+  const std::string message = refusal_of<FileError>([&] { HeldFolder(folder / "file/out"); });
+  EXPECT_NE(message.find("cannot be created (Not a directory)"), std::string::npos) << message;
 }
 
 TEST(Utf8, TellsTextFromOtherBytes) {

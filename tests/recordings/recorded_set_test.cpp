@@ -1,20 +1,16 @@
 #include "client/recordings/recorded_set.h"
 
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "client/files/metaimage.h"
+#include "tests/files/refusal.h"
 #include "tests/files/temporary_folder.h"
 
 namespace teletact::client {
 namespace {
 
 std::string refusal(const RecordedSetOptions& options) {
-  try {
-    recorded_places(options);
-  } catch (const FrameInputError& error) {
-    return error.what();
-  }
-  return "";
+  return refusal_of<FrameInputError>([&] { recorded_places(options); });
 }
 
 TEST(RecordedSet, AnOptionIsGivenOnceOrForEachPair) {
@@ -61,18 +57,14 @@ TEST(RecordedSet, PairsOfOnePlaneAreTogetherAndPlanesInOrder) {
   EXPECT_NE(refusal(options).find("--z-m is given once"), std::string::npos) << refusal(options);
 }
 
-class RecordedGeometry : public ::testing::Test {
+class RecordedGeometry : public testing::Test {
  protected:
   // A file of 64 samples x `lines` lines, 20 um and `pitch_m` apart.
   std::filesystem::path file(const std::string& name, double depth_m = 0.002, double pitch_m = 0.0003,
                              std::size_t lines = 8) {
-    put_content(
-        folder_ / name,
-        fmt::format("ObjectType = Image\nNDims = 2\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
-                    "ElementSpacing = 2e-5 {}\nOffset = {} 0\nDimSize = 64 {}\n"
-                    "ElementType = MET_SHORT\nElementDataFile = LOCAL\n",
-                    pitch_m, depth_m, lines) +
-            std::string(64 * lines * 2, '\1'));
+    write_metaimage(folder_ / name,
+                    MetaImage::of<std::int16_t>({64, lines}, {2e-5, pitch_m}, {depth_m, 0},
+                                                std::vector<std::int16_t>(64 * lines, 0x101)));
     return folder_ / name;
   }
   // Of two pairs, of which the first is as usual.
@@ -82,18 +74,13 @@ class RecordedGeometry : public ::testing::Test {
     options.common.sampling_frequency_hz = 38.5e6;
     options.common.frame = "LAB";
     options.pre = options.post = {file("first.mha"), second};
-    try {
-      require_one_geometry(recorded_places(options));
-    } catch (const FrameInputError& error) {
-      return error.what();
-    }
-    return "";
+    return refusal_of<FrameInputError>([&] { require_one_geometry(recorded_places(options)); });
   }
-  TemporaryFolder folder_;
+  const TemporaryFolder folder_;
 };
 
 TEST_F(RecordedGeometry, IsThatOfTheFirstPair) {
-  EXPECT_EQ(refusal(file("b.mha")), "");
+  EXPECT_EQ(refusal(file("b.mha")), "no error");
   EXPECT_NE(refusal(file("b.mha", 0.007)).find("b.mha has another line pitch, first depth"),
             std::string::npos);
   EXPECT_NE(refusal(file("b.mha", 0.002, 0.0004)).find("b.mha has another line pitch"), std::string::npos);

@@ -7,7 +7,9 @@
 #include <random>
 
 #include "client/acquire/recorded_frames.h"
+#include "client/acquire/rf_checks.h"
 #include "tests/files/matlab/write_uff.h"
+#include "tests/files/refusal.h"
 #include "tests/files/temporary_folder.h"
 
 namespace teletact::client {
@@ -37,12 +39,6 @@ std::vector<float> rf(bool envelope = false) {
   return out;
 }
 
-std::vector<float> turned(const std::vector<float>& samples) {
-  std::vector<float> out(samples.size());
-  for (std::size_t k = 0; k < out.size(); ++k) out[k % kSamples * kLines + k / kSamples] = samples[k];
-  return out;
-}
-
 class OnePolicy : public testing::Test {
  protected:
   RecordedFrameOptions options(const std::string& name) {
@@ -57,12 +53,7 @@ class OnePolicy : public testing::Test {
     return out;
   }
   static std::string refusal(const RecordedFrameOptions& options) {
-    try {
-      read_recorded_frames(options);
-    } catch (const FrameInputError& error) {
-      return error.what();
-    }
-    return "no error";
+    return refusal_of<FrameInputError>([&] { read_recorded_frames(options); });
   }
   void mat(const std::vector<float>& pre, const std::vector<float>& post) {
     UffFile file(folder_ / "a.mat");  // as h5py writes one
@@ -88,7 +79,7 @@ TEST_F(OnePolicy, EnvelopesAreRefusedAlike) {
 
 TEST_F(OnePolicy, TheOtherAxisIsNamed) {
   mat(rf(), rf());
-  uff(turned(rf()));
+  uff(turned(rf(), kSamples));
   EXPECT_EQ(refusal(options("a.mat")), "no error");
   RecordedFrameOptions columns = options("a.mat");
   columns.axial_axis = "columns";

@@ -8,6 +8,7 @@
 #include "client/files/matfile.h"
 #include "client/files/uff.h"
 #include "tests/files/matlab/write_uff.h"
+#include "tests/files/refusal.h"
 #include "tests/files/temporary_folder.h"
 #include "tests/support/environment.h"
 
@@ -94,12 +95,7 @@ TEST(FilesOfOthers, AreReadWithoutTheirLock) {
 }
 
 std::string message_of(const std::string& name) {
-  try {
-    read_mat(written(name), "pre", AxialAxis::kRows);
-  } catch (const FileError& error) {
-    return error.what();
-  }
-  return "no error";
+  return refusal_of<FileError>([&] { read_mat(written(name), "pre", AxialAxis::kRows); });
 }
 
 TEST(FilesOfOthers, AFilterThatIsNotHereIsNamed) {
