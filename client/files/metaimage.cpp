@@ -26,32 +26,27 @@ constexpr long double kLargestCompression = 1100;  // deflate cannot shrink by m
 constexpr std::size_t kLargestDimension = std::size_t{1} << 24;
 constexpr std::size_t kLargestChannels = 4096;
 
-struct TypeName {
-  ElementType type;
-  const char* name;
-  std::size_t bytes;
-};
-constexpr std::array<TypeName, 4> kTypes{{{ElementType::kUint8, "MET_UCHAR", 1},
-                                          {ElementType::kInt16, "MET_SHORT", 2},
-                                          {ElementType::kFloat32, "MET_FLOAT", 4},
-                                          {ElementType::kFloat64, "MET_DOUBLE", 8}}};
-
-// Of MetaIO's other numbers: how a file has them, and as which of ours they are kept.
-struct OtherType {
+// A type of MetaIO's numbers, and as which of ours it is kept.
+struct StoredType {
   const char* name;
   std::size_t bytes;
   bool is_signed;
   ElementType kept;
 };
-constexpr std::array<OtherType, 6> kOthers{{{"MET_CHAR", 1, true, ElementType::kInt16},
-                                            {"MET_USHORT", 2, false, ElementType::kFloat32},
-                                            {"MET_INT", 4, true, ElementType::kFloat64},
-                                            {"MET_UINT", 4, false, ElementType::kFloat64},
-                                            {"MET_LONG", 4, true, ElementType::kFloat64},
-                                            {"MET_ULONG", 4, false, ElementType::kFloat64}}};
+constexpr std::array<StoredType, 10> kTypes{{{"MET_UCHAR", 1, false, ElementType::kUint8},
+                                             {"MET_SHORT", 2, true, ElementType::kInt16},
+                                             {"MET_FLOAT", 4, true, ElementType::kFloat32},
+                                             {"MET_DOUBLE", 8, true, ElementType::kFloat64},
+                                             {"MET_CHAR", 1, true, ElementType::kInt16},
+                                             {"MET_USHORT", 2, false, ElementType::kFloat32},
+                                             {"MET_INT", 4, true, ElementType::kFloat64},
+                                             {"MET_UINT", 4, false, ElementType::kFloat64},
+                                             {"MET_LONG", 4, true, ElementType::kFloat64},
+                                             {"MET_ULONG", 4, false, ElementType::kFloat64}}};
 
-const TypeName& type_name(ElementType type) {
-  return *std::find_if(kTypes.begin(), kTypes.end(), [&](const TypeName& t) { return t.type == type; });
+// The first of a kept type is itself.
+const StoredType& type_of(ElementType kept) {
+  return *std::find_if(kTypes.begin(), kTypes.end(), [&](const StoredType& t) { return t.kept == kept; });
 }
 
 // The header's fields, and where it ends.
@@ -147,17 +142,9 @@ void check_transform(const std::filesystem::path& path, const Header& header, st
   }
 }
 
-// As the file has its samples, before they are ours.
-struct Stored {
-  std::size_t bytes = 0;             // of each
-  const OtherType* other = nullptr;  // absent: of the image's type
-};
-
-Stored stored(const std::filesystem::path& path, const std::string& name, ElementType& type) {
-  for (const TypeName& t : kTypes)
-    if (name == t.name) return type = t.type, Stored{t.bytes, nullptr};
-  for (const OtherType& t : kOthers)
-    if (name == t.name) return type = t.kept, Stored{t.bytes, &t};
+const StoredType& stored_type(const std::filesystem::path& path, const std::string& name) {
+  for (const StoredType& type : kTypes)
+    if (name == type.name) return type;
   throw FileError(path, "ElementType " + shown(name) +
                             " is not supported; use MET_SHORT, MET_FLOAT, MET_DOUBLE or MET_UCHAR");
 }
@@ -173,13 +160,13 @@ void drop_third(const std::filesystem::path& path, MetaImage& image) {
   image.size.erase(image.size.begin() + 2);
 }
 
-MetaImage described(const std::filesystem::path& path, const Header& header, Stored& samples) {
+MetaImage described(const std::filesystem::path& path, const Header& header) {
   for (const char* key : {"NDims", "DimSize", "ElementType"})
     if (!header.has(key)) throw FileError(path, std::string("header field ") + key + " is missing; add it");
   if (!header.is_true("BinaryData", true))
     throw FileError(path, "BinaryData = False is not supported; save it as binary");
   const std::size_t dimensions = whole(path, "NDims", numbers(path, header, "NDims", 1)[0], 4);
-  if (dimensions < 2) throw FileError(path, "NDims must be 2 or 3; give an image of A-lines");
+  if (dimensions < 2) throw FileError(path, "NDims must be 2, 3 or 4; give an image of A-lines");
   check_transform(path, header, dimensions);
   MetaImage image;
   for (const double n : numbers(path, header, "DimSize", dimensions))
@@ -187,7 +174,7 @@ MetaImage described(const std::filesystem::path& path, const Header& header, Sto
   if (header.has("ElementNumberOfChannels"))
     image.channels = whole(path, "ElementNumberOfChannels",
                            numbers(path, header, "ElementNumberOfChannels", 1)[0], kLargestChannels);
-  samples = stored(path, header.fields.at("ElementType"), image.type);
+  image.type = stored_type(path, header.fields.at("ElementType")).kept;
   for (const char* key :
        {"ElementSpacing", "ElementSize"}) {  // the latter stands for the former, as in MetaIO
     if (!image.spacing.empty() || !header.has(key)) continue;
@@ -298,7 +285,7 @@ void swap_bytes(std::vector<std::byte>& data, std::size_t of_each) {
 
 // The stored integers as `To`, each of which holds them exactly.
 template <class To>
-std::vector<std::byte> widened(const std::vector<std::byte>& data, const OtherType& from) {
+std::vector<std::byte> widened(const std::vector<std::byte>& data, const StoredType& from) {
   std::vector<std::byte> out(data.size() / from.bytes * sizeof(To));
   for (std::size_t k = 0; k < data.size() / from.bytes; ++k) {
     std::uint32_t bits = 0;
@@ -313,21 +300,17 @@ std::vector<std::byte> widened(const std::vector<std::byte>& data, const OtherTy
   return out;
 }
 
-void keep(MetaImage& image, std::vector<std::byte> data, const OtherType* other) {
-  if (other == nullptr)
-    image.data = std::move(data);
-  else if (image.type == ElementType::kInt16)
-    image.data = widened<std::int16_t>(data, *other);
-  else if (image.type == ElementType::kFloat32)
-    image.data = widened<float>(data, *other);
-  else
-    image.data = widened<double>(data, *other);
+std::vector<std::byte> kept(std::vector<std::byte> data, const StoredType& from) {
+  if (&from == &type_of(from.kept)) return data;
+  if (from.kept == ElementType::kInt16) return widened<std::int16_t>(data, from);
+  if (from.kept == ElementType::kFloat32) return widened<float>(data, from);
+  return widened<double>(data, from);
 }
 
 }  // namespace
 
 std::size_t element_bytes(ElementType type) {
-  return type_name(type).bytes;
+  return type_of(type).bytes;
 }
 
 std::size_t MetaImage::values() const {
@@ -344,9 +327,9 @@ std::string MetaImage::field(const std::string& name) const {
 MetaImage read_metaimage(const std::filesystem::path& path) {
   const std::size_t file_bytes = readable_file_size(path);
   const Header header = read_header(path, file_bytes);
-  Stored samples;
-  MetaImage image = described(path, header, samples);
-  const long double declared = declared_bytes(image, samples.bytes);
+  MetaImage image = described(path, header);
+  const StoredType& stored = stored_type(path, header.fields.at("ElementType"));
+  const long double declared = declared_bytes(image, stored.bytes);
   const bool is_packed = header.is_true("CompressedData");
   const bool says_packed = is_packed && header.has("CompressedDataSize");
   const Place place = place_of(path, file_bytes, header,
@@ -357,8 +340,8 @@ MetaImage read_metaimage(const std::filesystem::path& path) {
     refuse_size(place, declared, place.end - place.begin);
   std::vector<std::byte> data = is_packed ? unpacked(place, declared) : bytes_at(place);
   if (header.is_true("BinaryDataByteOrderMSB") || header.is_true("ElementByteOrderMSB"))
-    swap_bytes(data, samples.bytes);
-  keep(image, std::move(data), samples.other);
+    swap_bytes(data, stored.bytes);
+  image.data = kept(std::move(data), stored);
   return image;
 }
 
@@ -385,7 +368,7 @@ void write_metaimage(const std::filesystem::path& path, const MetaImage& image) 
   if (!image.spacing.empty()) header += listed("ElementSpacing", image.spacing);
   header += listed("DimSize", image.size);
   if (image.channels > 1) header += "ElementNumberOfChannels = " + std::to_string(image.channels) + "\n";
-  header += std::string("ElementType = ") + type_name(image.type).name + "\nElementDataFile = LOCAL\n";
+  header += std::string("ElementType = ") + type_of(image.type).name + "\nElementDataFile = LOCAL\n";
   write_file(path, header, image.data);
 }
 

@@ -39,19 +39,42 @@ def test_what_is_read(read, changes):
     np.testing.assert_allclose(image.x, [0.01, 0.012, 0.014])
 
 
-@pytest.mark.parametrize("changes, remedy", [
-    ({"TransformMatrix": "0 1 1 0"}, "resample"), ({"Rotation": "1 0 0 -1"}, "resample"),
-    ({"Orientation": "0 -1 1 0"}, "resample"), ({"Orientation": "1 0 0 0 1 0 0 0 1"}, "4 finite numbers"),
-    ({"TransformMatrix": "1 0 0 nan"}, "4 finite numbers"),
-    ({"BinaryData": "0"}, "binary"), ({"ElementType": "MET_LONG_LONG"}, "MET_INT"),
-    ({"NDims": "5"}, "two dimensions"),
-    ({"ElementNumberOfChannels": "\u00b2"}, "1 finite number"), ({"DimSize ": "2 3"}, "keep one"),
-    ({"ElementSpacing": None}, "metres"), ({"ElementSpacing": "0.001"}, "2 finite numbers"),
+@pytest.mark.parametrize("changes, words", [
+    ({"TransformMatrix": "0 1 1 0"}, "TransformMatrix is not the identity; resample the image to its own axes"),
+    ({"Rotation": "1 0 0 -1"}, "Rotation is not the identity"), ({"Orientation": "0 -1 1 0"}, "is not the identity"),
+    ({"Orientation": "1 0 0 0 1 0 0 0 1"}, "header field Orientation has 9 values, not 4; correct the header"),
+    ({"TransformMatrix": "1 0 0 nan"}, "header field TransformMatrix: 'nan' is no number; correct the header"),
+    ({"BinaryData": "0"}, "BinaryData = False is not supported; save it as binary"),
+    ({"ElementType": "MET_LONG_LONG"}, "MET_LONG_LONG is not supported; use MET_SHORT"),
+    ({"NDims": "5"}, "NDims must be a whole number from 1 to 4"), ({"NDims": "1"}, "NDims must be 2, 3 or 4"),
+    ({"ElementNumberOfChannels": "\u00b2"}, "'\u00b2' is no number"),
+    ({"DimSize": None}, "header field DimSize is missing; add it"), ({"DimSize ": "2 3"}, "DimSize is given twice; keep one"),
+    ({"DimSize": "2 4"}, "its header declares 16 bytes of samples but 12 follow; the file is truncated"),
+    ({"DimSize": "2 2"}, "the file is corrupt: copy or export it again"),
+    ({"ElementSpacing": None}, "header field ElementSpacing is missing; add it: metres"),
+    ({"ElementSpacing": "0.001"}, "has 1 values, not 2"), ({"ElementSpacing": "0.001 0"}, "must be positive"),
+    ({"HeaderSize": "17"}, "HeaderSize = 17 is not supported"),
 ], ids=str)
-def test_what_is_refused(read, changes, remedy):
+def test_what_is_refused(read, changes, words):
     with pytest.raises(teletact.DamagedFile) as caught:
         read(changes)
-    assert caught.value.field == next(iter(changes)).strip() and remedy in caught.value.remedy, caught.value
+    assert caught.value.field == next(iter(changes)).strip() and words in str(caught.value), caught.value
+
+
+@pytest.mark.parametrize("header, words", [
+    (b"", "is no MetaImage"), (b"\n\n", "is no MetaImage"), (b"NDims = 2\nand more\n", "header line 'and more' has no '='"),
+    (b"NDims = 2\nComment = " + b"a" * (16 << 20), "its header is longer than 16 MiB; save fewer frames in one file"),
+], ids=["empty", "blank", "text", "long"])
+def test_headers_that_are_refused(tmp_path, header, words):
+    (tmp_path / "a.mha").write_bytes(header)
+    with pytest.raises(teletact.DamagedFile, match=words):
+        teletact.read_metaimage(tmp_path / "a.mha")
+
+
+def test_headers_are_read_as_metaio_does(tmp_path):
+    fields = "".join(f"{name} = {value}\n" for name, value in HEADER.items()) + "\n \r\nComment : with a colon = fine\n"
+    (tmp_path / "a.mha").write_bytes(fields.encode() + b"ElementDataFile = LOCAL\n" + np.arange(6, dtype="<i2").tobytes())
+    np.testing.assert_array_equal(teletact.read_metaimage(tmp_path / "a.mha").values, COUNTED)
 
 
 def test_what_teletact_client_writes_is_read():
@@ -108,8 +131,9 @@ def test_data_of_others_are_not_read(tmp_path, name):
         teletact.read_metaimage(image_of(tmp_path / "a.mhd", {"ElementDataFile": name}, b""))
 
 
-@pytest.mark.parametrize("data", [b"no zlib at all", zlib.compress(b"1234")[:-2], zlib.compress(b"1" * 13), b""])
+@pytest.mark.parametrize("data", [b"no zlib at all", zlib.compress(b"1234")[:-2], zlib.compress(b"1" * 13),
+                                  zlib.compress(b"1" * 11)])
 def test_damaged_packed_data_are_refused(tmp_path, data):
-    with pytest.raises(teletact.DamagedFile, match="exactly the elements"):
+    with pytest.raises(teletact.DamagedFile, match="its packed samples are damaged"):
         teletact.read_metaimage(image_of(tmp_path / "a.mha", {"CompressedData": "True", "ElementDataFile": "LOCAL"},
                                          data))
