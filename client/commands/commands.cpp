@@ -22,44 +22,39 @@ CLI::Validator number_check(const char* allowed, bool zero) {
       allowed);
 }
 
-// CLI11 reads "nan" and "inf" as numbers, and its ranges let nan through. For every option of every command,
-// after its own checks.
-void refuse_what_is_not_finite(CLI::App& app) {
-  const auto problem = [](const std::string& text) {
-    double value = 0;
-    const bool good = !CLI::detail::lexical_cast(text, value) || std::isfinite(value);
-    return good ? "" : "must be a finite number, not " + text;
-  };
+template <class Act>
+void for_every_option(CLI::App& app, const Act& act) {
   for (CLI::App* command : app.get_subcommands({}))
-    for (CLI::Option* option : command->get_options())
-      if (option->get_type_name().rfind("FLOAT", 0) == 0) option->check(problem);
+    for (CLI::Option* option : command->get_options()) act(*option);
+}
+
+// CLI11 reads "nan" and "inf" as numbers, and its ranges let nan through.
+std::string not_finite(const std::string& text) {
+  double value = 0;
+  const bool good = !CLI::detail::lexical_cast(text, value) || std::isfinite(value);
+  return good ? "" : "must be a finite number, not " + text;
 }
 
 // Names end up in messages and in JSON, which take UTF-8 alone and would refuse others after the work is
 // done.
-void refuse_what_is_no_utf8(CLI::App& app) {
-  const auto problem = [](const std::string& text) {
-    return is_utf8(text) ? ""
-                         : "its bytes are no UTF-8; rename it, or go to its folder and leave the path out";
-  };
-  for (CLI::App* command : app.get_subcommands({}))
-    for (CLI::Option* option : command->get_options())
-      if (option->get_items_expected_max() > 0) option->check(problem);
+std::string not_utf8(const std::string& text) {
+  return is_utf8(text) ? "" : "its bytes are no UTF-8; rename it, or go to its folder and leave the path out";
+}
+
+// After the option's own checks.
+void check_all(CLI::Option& option) {
+  if (option.get_type_name().rfind("FLOAT", 0) == 0) option.check(not_finite);
+  if (option.get_items_expected_max() > 0) option.check(not_utf8);
 }
 
 // What is read from a variable's first value would say 0 where something else is meant.
-void hide_defaults_that_are_none(CLI::App& app) {
-  for (CLI::App* command : app.get_subcommands({}))
-    for (CLI::Option* option : command->get_options())
-      if (option->get_required() || option->get_description().find("(default:") != std::string::npos)
-        option->default_str("");
+void hide_default_that_is_none(CLI::Option& option) {
+  if (option.get_required() || option.get_description().find("(default:") != std::string::npos)
+    option.default_str("");
 }
 
-CLI::Option* add_address(CLI::App& command, std::string& address, Credentials& credentials,
-                         const std::string& help) {
-  CLI::Option* const service = command.add_option("--service", address, help)->check(address_problem);
-  add_credential_options(command, credentials);
-  return service;
+CLI::Option* add_address(CLI::App& command, std::string& address, const std::string& help) {
+  return command.add_option("--service", address, help)->check(address_problem);
 }
 
 }  // namespace
@@ -86,25 +81,27 @@ void say(const std::string& line) {
   std::fprintf(stderr, "%s\n", line.c_str());
 }
 
-void add_credential_options(CLI::App& command, Credentials& credentials) {
+std::vector<CLI::Option*> add_credential_options(CLI::App& command, Credentials& credentials) {
+  std::vector<CLI::Option*> added;
   for (const CredentialOption& option : credential_options(credentials))
-    command.add_option_function<std::string>(option.flag, option.take, option.description);
-  command.add_flag(
+    added.push_back(command.add_option_function<std::string>(option.flag, option.take, option.description));
+  added.push_back(command.add_flag(
       "--proxy", credentials.proxy,
-      "by the proxy that the environment names (grpc_proxy, https_proxy, http_proxy); else past it");
+      "connect through the proxy that the environment names (grpc_proxy, https_proxy, http_proxy); without "
+      "it none is used"));
+  return added;
 }
 
 void add_service_options(CLI::App& command, std::string& address, Credentials& credentials) {
-  add_address(command, address, credentials, "HOST:PORT or unix:/path")->required();
+  add_address(command, address, "HOST:PORT or unix:/path")->required();
+  add_credential_options(command, credentials);
 }
 
 CLI::Option* add_optional_service_options(CLI::App& command, std::string& address, Credentials& credentials,
                                           const std::string& without_it) {
   CLI::Option* const service =
-      add_address(command, address, credentials, "HOST:PORT or unix:/path; without it " + without_it);
-  for (const CredentialOption& option : credential_options(credentials))
-    command.get_option(option.flag)->needs(service);
-  command.get_option("--proxy")->needs(service);
+      add_address(command, address, "HOST:PORT or unix:/path; without it " + without_it);
+  for (CLI::Option* option : add_credential_options(command, credentials)) option->needs(service);
   return service;
 }
 
@@ -138,9 +135,8 @@ void add_commands(CLI::App& app) {
   add_slices_command(app);
   add_touch_command(app);
   add_watch_command(app);
-  refuse_what_is_not_finite(app);
-  refuse_what_is_no_utf8(app);
-  hide_defaults_that_are_none(app);
+  for_every_option(app, check_all);
+  for_every_option(app, hide_default_that_is_none);
 }
 
 }  // namespace teletact::client

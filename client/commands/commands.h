@@ -43,7 +43,7 @@ void refuse_beside(const CLI::App& command, const std::vector<std::string>& opti
                    const std::string& reason);
 
 // What add_service_options() adds but --service.
-void add_credential_options(CLI::App& command, Credentials& credentials);
+std::vector<CLI::Option*> add_credential_options(CLI::App& command, Credentials& credentials);
 // --service, and the files by which it and this client know each other.
 void add_service_options(CLI::App& command, std::string& address, Credentials& credentials);
 // The same of a command that needs none; `without_it`: what it does then. Returns --service.

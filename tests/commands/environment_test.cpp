@@ -13,51 +13,31 @@
 namespace teletact::client {
 namespace {
 
-// Set while this lives, and then again as it was: not set.
-class Variables {
+// A proxy that is not there, named by `variable` while this lives.
+class DeadProxy {
  public:
-  explicit Variables(const std::vector<std::string>& names) : names_(names) {
-    for (const std::string& name : names_)
-      ::setenv(name.c_str(), "http://127.0.0.1:9", 1);  // nobody is there
+  explicit DeadProxy(const char* variable) : variable_(variable) {
+    ::setenv(variable_, "http://127.0.0.1:9", 1);
     ::setenv("no_proxy", "localhost", 1);
   }
-  ~Variables() {
-    for (const std::string& name : names_) ::unsetenv(name.c_str());
+  ~DeadProxy() {
+    ::unsetenv(variable_);
     ::unsetenv("no_proxy");
   }
-  Variables(const Variables&) = delete;
-  Variables& operator=(const Variables&) = delete;
+  DeadProxy(const DeadProxy&) = delete;
+  DeadProxy& operator=(const DeadProxy&) = delete;
 
  private:
-  const std::vector<std::string> names_;
-};
-
-// On TCP, for gRPC asks no proxy for a Unix socket.
-class TcpService {
- public:
-  TcpService() {
-    grpc::ServerBuilder builder;
-    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
-    builder.SetSyncServerOption(grpc::ServerBuilder::CQ_TIMEOUT_MSEC, 100);
-    builder.RegisterService(&palpation_);
-    server_ = builder.BuildAndStart();
-  }
-  ~TcpService() { server_->Shutdown(std::chrono::system_clock::now()); }
-  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
-
- private:
-  int port_ = 0;
-  test::OneScene palpation_;
-  std::unique_ptr<grpc::Server> server_;
+  const char* const variable_;
 };
 
 TEST(Environment, ProxiesDoNotComeBetweenUnlessAskedFor) {
-  const TcpService service;
+  const test::CommandService service(true);  // gRPC asks no proxy for a Unix socket
   for (const char* name : {"http_proxy", "grpc_proxy", "https_proxy"}) {
-    const Variables proxies({name});
+    const DeadProxy proxy(name);
     EXPECT_EQ(test::failure_of({"scenes", "--service", service.address()}), "") << name;
   }
-  const Variables proxies({"http_proxy"});
+  const DeadProxy proxy("http_proxy");
   Credentials asked;
   asked.proxy = true;
   EXPECT_FALSE(wait_connected(*make_channel(service.address(), asked), 0.1));

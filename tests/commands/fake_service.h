@@ -134,27 +134,30 @@ class OneScene final : public v1::Palpation::Service {
   std::vector<v1::TouchOpen> opened_;
 };
 
-// On a socket of its own, for as long as this lives.
+// On a socket of its own, or on a free port of this machine, for as long as this lives.
 class CommandService {
  public:
-  CommandService() {
+  explicit CommandService(bool tcp = false) : address_("unix:" + (folder / "s").string()) {
     grpc::ServerBuilder builder;
-    builder.AddListeningPort(address(), grpc::InsecureServerCredentials());
+    int port = 0;
+    builder.AddListeningPort(tcp ? "127.0.0.1:0" : address_, grpc::InsecureServerCredentials(), &port);
     // A synchronous server's idle thread notices a shutdown only when its wait ends: 10 s by default.
     builder.SetSyncServerOption(grpc::ServerBuilder::CQ_TIMEOUT_MSEC, 100);
     for (grpc::Service* service : std::initializer_list<grpc::Service*>{&estimates, &info_, &palpation})
       builder.RegisterService(service);
     server_ = builder.BuildAndStart();
-    if (!server_) throw std::runtime_error("cannot listen on " + address());
+    if (!server_) throw std::runtime_error("cannot listen on " + address_);
+    if (tcp) address_ = "127.0.0.1:" + std::to_string(port);
   }
   ~CommandService() { server_->Shutdown(std::chrono::system_clock::now()); }
-  std::string address() const { return "unix:" + (folder / "s").string(); }
+  const std::string& address() const { return address_; }
 
   const TemporaryFolder folder;
   TwoByTwoEstimates estimates;
   OneScene palpation;
 
  private:
+  std::string address_;
   InfoOfNothing info_;
   std::unique_ptr<grpc::Server> server_;
 };

@@ -11,7 +11,7 @@
 namespace teletact::client {
 namespace {
 
-constexpr std::size_t kMostPresent = 500;   // bytes of the names of what is there
+constexpr std::size_t kMostListed = 500;    // bytes of names
 constexpr std::size_t kMostObjects = 1000;  // of a file
 constexpr std::size_t kMostText = 256;      // bytes
 
@@ -96,6 +96,12 @@ std::vector<std::string> names_in(const Hdf5Node& group) {
   return names;
 }
 
+std::string listed(const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + shown(name);
+  return shown(list, kMostListed);
+}
+
 Hdf5Reader::Hdf5Reader(const std::filesystem::path& path, std::size_t file_bytes, const std::string& remedy)
     : path_(path),
       file_bytes_(file_bytes),
@@ -121,9 +127,8 @@ void Hdf5Reader::refuse_larger(const Hdf5Node& field) const {
 }
 
 std::string Hdf5Reader::present() const {
-  std::string list;
-  for (const std::string& name : names_in(root_)) list += (list.empty() ? "" : ", ") + shown(name);
-  return list.empty() ? "nothing" : shown(list, kMostPresent);
+  const std::vector<std::string> names = names_in(root_);
+  return names.empty() ? "nothing" : listed(names);
 }
 
 Hdf5Reader::Extent Hdf5Reader::extent_of(const Hdf5Node& data) const {

@@ -24,6 +24,8 @@ Hdf5Node child(const Hdf5Node& parent, const std::string& name);
 // "" where there is none that is a short text.
 std::string text_of(const Hdf5Node& node, const char* attribute);
 std::vector<std::string> names_in(const Hdf5Node& group);
+// For messages.
+std::string listed(const std::vector<std::string>& names);
 
 // What refuses throws FileError.
 class Hdf5Reader {

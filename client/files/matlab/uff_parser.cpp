@@ -12,7 +12,6 @@ namespace {
 
 using Node = Hdf5Node;
 
-constexpr std::size_t kMostListed = 500;  // bytes of the names of what is there
 constexpr std::size_t kMostOnAxis = std::size_t{1} << 20;
 constexpr long double kMostPixels = 1L << 24;  // of a frame
 constexpr double kUneven = 0.01;               // of an axis's step
@@ -88,9 +87,7 @@ class UffReader final : Hdf5Reader {
       words += "; write it with USTB's write(). It holds: ";
       refuse(words += present());
     }
-    std::string list;
-    for (const std::string& name : beamformed) list += (list.empty() ? "" : ", ") + shown(name);
-    refuse("holds several images; give one with --variable: " + shown(list, kMostListed));
+    refuse("holds several images; give one with --variable: " + listed(beamformed));
   }
 
   template <class T>
