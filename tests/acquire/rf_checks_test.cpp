@@ -7,81 +7,50 @@
 
 #include <cmath>
 #include <complex>
-#include <numbers>
-#include <random>
 
 #include "client/acquire/recorded_frames.h"
+#include "tests/acquire/echoes.h"
 #include "tests/files/refusal.h"
 #include "tests/files/temporary_folder.h"
 
 namespace teletact::client {
 namespace {
 
-constexpr double kCenterHz = 7e6, kSamplingHz = 40e6;
 constexpr std::size_t kSamples = 512, kLines = 140;
 
-using Baseband = std::vector<std::complex<double>>;
-
-// Fully developed speckle without its carrier: noise under a Gaussian of half a microsecond, line after line.
-const Baseband& baseband() {
-  static const Baseband all = [] {
-    constexpr int kHalf = 24;
-    std::mt19937 random(7);
-    std::normal_distribution<double> normal;
-    Baseband out(kSamples * kLines), white(kSamples + 2 * kHalf);
-    for (std::size_t l = 0; l < kLines; ++l) {
-      for (auto& w : white) w = {normal(random), normal(random)};
-      for (std::size_t k = 0; k < kSamples; ++k)
-        for (int t = -kHalf; t <= kHalf; ++t)
-          out[k + kSamples * l] += white[k + static_cast<std::size_t>(t + kHalf)] * std::exp(-t * t / 50.0);
-    }
-    return out;
-  }();
+const Baseband& echoes() {
+  static const Baseband all = baseband(kSamples, kLines);
   return all;
 }
 
-// Each sample by what it is without its carrier, and by its place in the line.
-template <class Value>
-std::vector<float> made(Value value) {
-  std::vector<float> out(kSamples * kLines);
-  for (std::size_t k = 0; k < out.size(); ++k)
-    out[k] = static_cast<float>(value(baseband()[k], k % kSamples));
-  return out;
-}
-
-std::vector<float> rf(double offset = 0, double center_hz = kCenterHz) {
-  return made([=](std::complex<double> value, std::size_t k) {
-    return 100 * (value *
-                  std::polar(1.0, 2 * std::numbers::pi * center_hz / kSamplingHz * static_cast<double>(k)))
-                     .real() +
-           offset;
-  });
+std::vector<float> rf(double offset = 0) {
+  return rf_of(echoes(), kSamples, offset);
 }
 
 std::vector<float> envelope() {
-  return made([](std::complex<double> value, std::size_t) { return 100 * std::abs(value); });
+  return envelope_of(echoes());
 }
 
 std::vector<float> picture() {
-  return made(
-      [](std::complex<double> value, std::size_t) { return 40 * std::log10(std::abs(value) + 0.01) + 100; });
+  return made_of(echoes(),
+                 [](std::complex<double> value) { return 40 * std::log10(std::abs(value) + 0.01) + 100; });
 }
 
 // I and Q in turn, at half the places.
 std::vector<float> interleaved_iq() {
   std::vector<float> out(kSamples * kLines);
   for (std::size_t k = 0; k < out.size(); ++k) {
-    const auto value = baseband()[k / 2 * 2];
+    const auto value = echoes()[k / 2 * 2];
     out[k] = static_cast<float>(100 * (k % 2 == 0 ? value.real() : value.imag()));
   }
   return out;
 }
 
 std::vector<float> in_phase() {
-  return made([](std::complex<double> value, std::size_t) { return 100 * value.real(); });
+  return made_of(echoes(), [](std::complex<double> value) { return 100 * value.real(); });
 }
 
-constexpr double kPeriod = kSamplingHz / kCenterHz;
+constexpr double kPeriod = kEchoSamplingHz / kEchoHz;
 
 TEST(RfAxis, IsWhereTheSamplesOscillate) {
   EXPECT_EQ(rf_axis(rf(), kSamples, kPeriod), RfAxis::kFastest);
@@ -132,8 +101,8 @@ class RecordedRf : public testing::Test {
   }
   static RecordedFrameOptions usual() {
     RecordedFrameOptions options;
-    options.center_frequency_hz = kCenterHz;
-    options.sampling_frequency_hz = kSamplingHz;
+    options.center_frequency_hz = kEchoHz;
+    options.sampling_frequency_hz = kEchoSamplingHz;
     options.frame = "PROBE";
     return options;
   }

@@ -1,13 +1,9 @@
 // What is no RF, or lies the wrong way round, is refused in a .mat and a .uff file as in an .mha.
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <complex>
-#include <numeric>
-#include <random>
-
 #include "client/acquire/recorded_frames.h"
 #include "client/acquire/rf_checks.h"
+#include "tests/acquire/echoes.h"
 #include "tests/files/matlab/write_uff.h"
 #include "tests/files/refusal.h"
 #include "tests/files/temporary_folder.h"
@@ -15,28 +11,11 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kCenterHz = 7e6, kSamplingHz = 40e6, kSoundSpeed = 1540;
+constexpr double kSoundSpeed = 1540;
 constexpr std::size_t kSamples = 300, kLines = 150;
 
-// Echoes of 7 MHz, strong and weak from place to place; or how strong they are.
-std::vector<float> rf(bool envelope = false) {
-  constexpr std::size_t kAlike = 12;
-  std::mt19937 random(3);
-  std::normal_distribution<double> normal;
-  std::vector<float> out(kSamples * kLines);
-  std::vector<std::complex<double>> white(kSamples + kAlike);
-  for (std::size_t l = 0; l < kLines; ++l) {
-    for (auto& w : white) w = {normal(random), normal(random)};
-    for (std::size_t k = 0; k < kSamples; ++k) {
-      const auto base = 100.0 * std::accumulate(white.begin() + static_cast<std::ptrdiff_t>(k),
-                                                white.begin() + static_cast<std::ptrdiff_t>(k + kAlike),
-                                                std::complex<double>());
-      const double phase = 2 * M_PI * kCenterHz / kSamplingHz * static_cast<double>(k);
-      out[k + kSamples * l] =
-          static_cast<float>(envelope ? std::abs(base) : (base * std::polar(1.0, phase)).real());
-    }
-  }
-  return out;
+std::vector<float> rf() {
+  return rf_of(baseband(kSamples, kLines), kSamples);
 }
 
 class OnePolicy : public testing::Test {
@@ -44,10 +23,10 @@ class OnePolicy : public testing::Test {
   RecordedFrameOptions options(const std::string& name) {
     RecordedFrameOptions out;
     out.pre = out.post = folder_ / name;
-    out.center_frequency_hz = kCenterHz;
+    out.center_frequency_hz = kEchoHz;
     out.frame = "PROBE";
     if (name.ends_with(".mat")) {
-      out.sampling_frequency_hz = kSamplingHz, out.line_pitch_m = 3e-4;
+      out.sampling_frequency_hz = kEchoSamplingHz, out.line_pitch_m = 3e-4;
       out.variable = "pre", out.axial_axis = "rows";
     }
     return out;
@@ -62,15 +41,16 @@ class OnePolicy : public testing::Test {
   }
   void uff(const std::vector<float>& values) {
     UffFile file(folder_ / "a.uff");
-    write_beamformed(file, "b_data", {kLines, kSamples, 3e-4, kSoundSpeed / (2 * kSamplingHz), 0}, values,
+    write_beamformed(file, "b_data", {kLines, kSamples, 3e-4, kSoundSpeed / (2 * kEchoSamplingHz), 0}, values,
                      {});
   }
   const TemporaryFolder folder_;
 };
 
 TEST_F(OnePolicy, EnvelopesAreRefusedAlike) {
-  mat(rf(true), rf(true));
-  uff(rf(true));
+  const std::vector<float> envelope = envelope_of(baseband(kSamples, kLines));
+  mat(envelope, envelope);
+  uff(envelope);
   for (const char* name : {"a.mat", "a.uff"})
     EXPECT_NE(refusal(options(name)).find("holds an envelope or an image, or IQ, without the phase"),
               std::string::npos)
