@@ -41,6 +41,17 @@ TEST(ArrivalIntervals, BurstsAreExpectedAStallIsNot) {
   EXPECT_NEAR(arrivals.expected_s(), 0.002, 1e-6);
 }
 
+TEST(ArrivalIntervals, AStallInThreeOfTenIsWhatTheLinkDoes) {
+  ArrivalIntervals arrivals;
+  double now_s = 1000;
+  for (int tenth = 0; tenth < 40; ++tenth) {
+    const double stall_s = tenth % 10 < 3 ? 0.08 : 0;
+    now_s += stall_s;
+    come(arrivals, &now_s, 0.1 - stall_s, 0.002);
+  }
+  EXPECT_NEAR(arrivals.expected_s(), 0.08, 0.004);
+}
+
 TEST(ArrivalIntervals, WhateverWasShownTheForceIsZeroByHalfASecond) {
   ArrivalIntervals arrivals;
   double now_s = 0;
