@@ -125,6 +125,7 @@ NetcdfVariable netcdf_variable(const v1::Map& map, const std::vector<NetcdfAxis>
   std::vector<float> values = values_of(map);
   if (map.name() == "valid") {
     std::vector<NetcdfFlag> flags;
+    flags.reserve(values.size());
     for (const float value : values) flags.push_back({static_cast<std::uint8_t>(value != 0)});
     out.values = std::move(flags);
   } else if (map.values().dtype() == v1::DATA_TYPE_UINT8) {
