@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <system_error>
@@ -48,10 +49,27 @@ void require_writable_folder(const fs::path& folder) {
   if (!written) throw FileError(folder, "cannot be written (" + reason + "); give another folder with --out");
 }
 
+namespace {
+
+// Whether a file that nobody else knows of can be locked there. A file system without locks may refuse it as
+// if another process held it.
+bool has_locks(const fs::path& folder) {
+  std::string name = (folder / ".teletact-lock-XXXXXX").string();
+  const int file = ::mkstemp(name.data());
+  if (file < 0) return true;
+  ::unlink(name.c_str());
+  const bool locked = ::flock(file, LOCK_SH | LOCK_NB) == 0;
+  ::close(file);
+  return locked;
+}
+
+}  // namespace
+
 HeldFolder::HeldFolder(const fs::path& folder) : descriptor_(-1) {
   require_writable_folder(folder);
   descriptor_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (descriptor_ < 0 || ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  if (!has_locks(folder)) return;
   ::close(descriptor_);
   throw FileError(folder, "another process writes its results there; give another folder with --out");
 }

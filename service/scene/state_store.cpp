@@ -73,8 +73,8 @@ StateStore::StateStore(const fs::path& directory, const Limits& limits, std::sha
       spdlog::error("event=state_not_kept error=\"{}\"", error.what());
     }
   } catch (const FileError& error) {
-    throw std::runtime_error(
-        fmt::format("--state: {}; give a folder that can be written, with room on its disk", error.what()));
+    throw std::runtime_error(fmt::format(
+        "--state: {}; give a folder that can be written and locked, with room on its disk", error.what()));
   }
 }
 

@@ -1,6 +1,10 @@
 // Folders for results: nobody else's while they are written.
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <optional>
 
 #include "client/files/file_io.h"
@@ -9,6 +13,17 @@
 #include "tests/files/temporary_folder.h"
 
 namespace teletact::client {
+
+// What flock() fails with, as on a file system without locks; 0: it locks.
+static int no_locks = 0;
+
+// In place of the C library's.
+extern "C" int flock(int file, int operation) noexcept {
+  if (no_locks == 0) return static_cast<int>(::syscall(SYS_flock, file, operation));
+  errno = no_locks;
+  return -1;
+}
+
 namespace {
 
 TEST(HeldFolder, IsOneProcessesAtATime) {
@@ -22,6 +37,16 @@ TEST(HeldFolder, IsOneProcessesAtATime) {
   const HeldFolder other(folder / "out");
   first.reset();
   const HeldFolder again(folder / "out/of/this");
+}
+
+TEST(HeldFolder, IsGivenByFileSystemsWithoutLocks) {
+  const TemporaryFolder folder;
+  for (const int error : {EOPNOTSUPP, ENOLCK, EWOULDBLOCK}) {
+    no_locks = error;
+    EXPECT_NO_THROW(HeldFolder(folder / "out")) << error;
+    EXPECT_TRUE(std::filesystem::is_empty(folder / "out")) << "nothing is left in it";
+  }
+  no_locks = 0;
 }
 
 TEST(HeldFolder, SaysWhyItCannotBeWritten) {
