@@ -72,7 +72,8 @@ std::string make_client_name() {
 }
 
 // The name in HOST:PORT that stands for no machine; else empty.
-std::string unresolved_host(const std::string& address) {
+std::string unresolved_host(const std::string& given) {
+  const std::string address = grpc_target(given);
   for (const char* scheme : {"unix:", "unix-abstract:", "ipv4:", "ipv6:"})
     if (address.starts_with(scheme)) return "";
   std::string host = address.substr(0, address.rfind(':'));
@@ -106,6 +107,14 @@ grpc::ChannelArguments channel_arguments(bool proxy) {
   return arguments;
 }
 
+std::string grpc_target(const std::string& address) {
+  const std::size_t colon = address.find(':');
+  const bool host_and_port = colon != std::string::npos && colon + 1 < address.size() &&
+                             address.find_first_not_of("0123456789", colon + 1) == std::string::npos;
+  const bool path = address.starts_with("unix:") || address.starts_with("unix-abstract:");
+  return host_and_port && !path ? "dns:///" + address : address;
+}
+
 std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const Credentials& given,
                                             const std::string& name) {
   require_usable(given, address);
@@ -119,7 +128,7 @@ std::shared_ptr<grpc::Channel> make_channel(const std::string& address, const Cr
   interceptors.push_back(
       std::make_unique<NamingFactory>(Said{name, given.token.empty() ? "" : "Bearer " + given.token}));
   return grpc::experimental::CreateCustomChannelWithInterceptors(
-      address, credentials, channel_arguments(given.proxy), std::move(interceptors));
+      grpc_target(address), credentials, channel_arguments(given.proxy), std::move(interceptors));
 }
 
 Connecting::Connecting(std::string address, Credentials credentials)

@@ -21,6 +21,10 @@ const std::string& client_name();
 // environment.
 grpc::ChannelArguments channel_arguments(bool proxy = false);
 
+// `address` for gRPC: it would take the host of "dns:50051", or of any other of its schemes' names, for the
+// scheme. "unix:50051" stays the path of a socket.
+std::string grpc_target(const std::string& address);
+
 // `address` is "host:port" or "unix:/path". Connects lazily; backoff 50 to 200 ms, 3 s per attempt. A channel
 // shares no subchannel (and so no backoff) with any other. `name`: the client's, on every call. Throws as
 // require_usable().

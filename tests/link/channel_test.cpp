@@ -62,11 +62,20 @@ TEST(AddressProblem, IsSaidOfWhatCannotBeReached) {
             "the path has 108 bytes, a Unix socket's may have 107; choose a shorter one");
 }
 
+TEST(GrpcTarget, TakesNoHostForAScheme) {
+  for (const char* host : {"dns", "ipv4", "ipv6", "xds", "localhost", "127.0.0.1"})
+    EXPECT_EQ(grpc_target(host + std::string(":50051")), std::string("dns:///") + host + ":50051");
+  for (const char* address : {"unix:/tmp/s", "unix:50051", "unix-abstract:50051", "[::1]:50051", "dns:here:1",
+                              "dns:///here:1", "ipv4:127.0.0.1:1", "ipv6:[::1]:1", "localhost", "localhost:"})
+    EXPECT_EQ(grpc_target(address), address);
+}
+
 TEST(NobodyAnswers, SaysWhenTheNameDoesNotResolve) {
   for (const char* address : {"nosuchhost.invalid:50972", "dns:nosuchhost.invalid:50972"})
     EXPECT_NE(nobody_answers(address, {}).find("the name nosuchhost.invalid does not resolve"),
               std::string::npos)
         << address;
+  EXPECT_NE(nobody_answers("ipv4:50972", {}).find("the name ipv4 does not resolve"), std::string::npos);
   for (const char* address : {"localhost:1", "127.0.0.1:1", "[::1]:1", "ipv4:127.0.0.1:1", "unix:/tmp/x:1"})
     EXPECT_NE(nobody_answers(address, {}).find("start one with"), std::string::npos) << address;
 }

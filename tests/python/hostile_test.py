@@ -264,6 +264,18 @@ def test_a_name_that_does_not_resolve_is_said(impatient):
         teletact.connect("nosuchhost.invalid:50972")
 
 
+@pytest.mark.parametrize("host", ["dns", "ipv4", "ipv6", "xds"])
+def test_a_host_with_the_name_of_a_scheme_is_a_host(host, impatient):
+    with pytest.raises(teletact.Unavailable, match=f"the name {host} does not resolve"):
+        teletact.connect(f"{host}:50972")
+
+
+def test_a_certificate_must_be_valid_by_this_clock():
+    for certificate in (None, b"certificate"):
+        peer = Peer("127.0.0.1:1", tls_ca=b"certificate", tls_certificate=certificate)
+        assert "valid by this machine's clock" in peer.remedy()
+
+
 def test_nobody_answers(impatient):
     with nobody() as address, pytest.raises(teletact.Unavailable, match="no service at .*teletact serve --listen"):
         teletact.connect(address)

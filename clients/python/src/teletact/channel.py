@@ -80,9 +80,9 @@ class Peer:
         require_not_forked()
         options = [*_OPTIONS, ("grpc.enable_http_proxy", int(self.proxy))]  # gRPC would take the environment's unasked
         if self.tls_ca is None:
-            return grpc.aio.insecure_channel(self.address, options=options)
+            return grpc.aio.insecure_channel(_target(self.address), options=options)
         credentials = grpc.ssl_channel_credentials(self.tls_ca, self.tls_key, self.tls_certificate)
-        return grpc.aio.secure_channel(self.address, credentials, options=options)
+        return grpc.aio.secure_channel(_target(self.address), credentials, options=options)
 
     def metadata(self, scene_id: str = "") -> list[tuple[str, str]]:
         """What goes with a call about a scene."""
@@ -103,15 +103,21 @@ class Peer:
         start = f"start one with './teletact serve --listen {self.address}' (teletact-service), "
         if self.tls_ca is None:
             return start + "or give tls_ca= if it serves TLS"
+        start += "with a certificate that tls_ca= signed for that name and that is valid by this machine's clock, "
         if self.tls_certificate is None:
-            return (start + "with a certificate that tls_ca= signed for that name, or give tls_certificate= and "
-                    "tls_key= if it asks for them")
-        return start + ("with a certificate that tls_ca= signed for that name, and --tls-client-ca that signed "
-                        "tls_certificate=")
+            return start + "or give tls_certificate= and tls_key= if it asks for them"
+        return start + "and --tls-client-ca that signed tls_certificate="
+
+
+def _target(address: str) -> str:
+    """For gRPC, which would take the host of "dns:50051", or of any other of its schemes' names, for the scheme."""
+    host_and_port = re.fullmatch(r"(?!unix(-abstract)?:)[^:]+:\d+", address)
+    return f"dns:///{address}" if host_and_port else address
 
 
 def _unresolved_host(address: str) -> str:
     """The name in HOST:PORT that stands for no machine; else empty."""
+    address = _target(address)
     if address.startswith(("unix:", "unix-abstract:", "ipv4:", "ipv6:")) or "]" in address:
         return ""
     host = re.split("[:/]", address.rpartition(":")[0])[-1]
