@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/acquire/modulus_names.h"
+#include "client/commands/commands.h"
 
 namespace teletact::client {
 namespace {
@@ -15,6 +16,7 @@ template <class Value>
 CLI::Option* add_named(CLI::App& command, const std::string& flag, Value& value,
                        const std::map<std::string, Value>& names, const std::string& help) {
   std::vector<std::string> allowed;
+  allowed.reserve(names.size());
   for (const auto& named : names) allowed.push_back(named.first);
   return command
       .add_option_function<std::string>(
@@ -40,7 +42,7 @@ void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& t
       .add_option("--modulus-time-limit-s", time_limit_s,
                   "an iterative modulus begins no step that would end later, and returns its best; a service "
                   "takes 60 s at most unless its limits say otherwise")
-      ->check(CLI::PositiveNumber)
+      ->check(above_zero())
       ->default_str(time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "what the finger leaves");
 }
 

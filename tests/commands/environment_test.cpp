@@ -76,6 +76,18 @@ TEST(CommandLine, NamesThatAreNoUtf8AreRefusedFirst) {
   }
 }
 
+TEST(CommandLine, TimeLimitsSayWhatTheyMayBe) {
+  CLI::App app;
+  add_commands(app);
+  for (const char* command : {"estimate", "acquire"}) {
+    const std::string help = app.get_subcommand(command)->help();
+    const std::string limit = help.substr(help.find("--modulus-time-limit-s"));
+    EXPECT_LT(limit.find("a service takes 60 s at most"), limit.find("\n  --")) << command;
+    const std::string failure = test::failure_of({command, "--modulus-time-limit-s", "0"});
+    EXPECT_EQ(failure, "--modulus-time-limit-s: must be a number above 0, not 0") << command;
+  }
+}
+
 TEST(CommandLine, FoldersThatAnotherRunWritesAreRefusedFirst) {
   const TemporaryFolder folder;
   const std::string out = (folder / "out").string();
