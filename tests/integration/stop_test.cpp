@@ -1,4 +1,5 @@
-// SIGTERM while the device's driver hangs, and while a hand does not move: the process ends all the same.
+// SIGTERM while kernels are compiled, the device's driver hangs, or a hand does not move: the process ends
+// all the same.
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
@@ -49,6 +50,18 @@ TEST(Stop, DriverThatHangsDoesNotHoldTheProcess) {
   process.kill(SIGTERM);
   EXPECT_EQ(process.wait(60), 0) << process.output();
   EXPECT_NE(process.output().find("event=drain_cut"), std::string::npos) << process.output();
+}
+
+// Where nothing is compiled yet that takes 20 s, and minutes on a busy machine.
+TEST(Stop, AStartThatCompilesSaysHowFarItIsAndEndsAtOnce) {
+  test::TemporaryFolder folder;
+  test::Process process({test::service_binary(), "serve", "--listen", "unix:" + (folder / "s")},
+                        folder / "log", {{"POCL_CACHE_DIR", folder / "cache"}});
+  ASSERT_TRUE(process.says("event=compiling step=", 120)) << process.output();
+  EXPECT_EQ(process.output().find("serving on"), std::string::npos) << process.output();
+  process.kill(SIGTERM);
+  EXPECT_EQ(process.wait(60), 0) << process.output();
+  EXPECT_NE(process.output().find("event=stopped_while_starting"), std::string::npos) << process.output();
 }
 
 // Whatever a demo waits for: here for a service, and a patient side, that take their time.

@@ -13,6 +13,7 @@
 #include "tests/access/access_folder.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/guarded_server.h"
+#include "tests/rpc/health.h"
 #include "tests/rpc/http2_peer.h"
 #include "tests/rpc/running_server.h"
 
@@ -65,6 +66,9 @@ class BeforeAuthority : public testing::Test {
   RunningServer server;
 };
 
+// Far more than a touch takes on a busy machine, and far less than it took before: 8 to 21 s.
+constexpr double kUnmovedS = 2;
+
 class Resets : public BeforeAuthority, public testing::WithParamInterface<const char*> {};
 
 TEST_P(Resets, CutTheirConnectionAndLeaveNothing) {
@@ -75,6 +79,7 @@ TEST_P(Resets, CutTheirConnectionAndLeaveNothing) {
   EXPECT_LT(growth_until_cut(call), std::size_t{256} << 20);
   bystander.stop();
   EXPECT_EQ(bystander.failures(), 0);
+  EXPECT_LT(bystander.latency_s(1), kUnmovedS);
   server.expect_all_calls_end();
 }
 
@@ -135,6 +140,18 @@ TEST_F(BeforeAuthority, CompressedMessagesAreRefused) {
   const auto channel = server.channel();
   EXPECT_TRUE(get_info(channel).ok());
   EXPECT_EQ(get_info(channel, true).error_code(), grpc::StatusCode::UNIMPLEMENTED);
+  struct Compressed {
+    std::shared_ptr<grpc::Channel> channel() const {
+      grpc::ChannelArguments arguments;
+      arguments.SetCompressionAlgorithm(how);
+      return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+    }
+    std::string address;
+    grpc_compression_algorithm how;
+  };
+  const std::string all_alike(100, 'x');  // what does not shrink is sent as it is
+  for (const auto how : {GRPC_COMPRESS_GZIP, GRPC_COMPRESS_DEFLATE})
+    EXPECT_EQ(health_of(Compressed{address(), how}, all_alike), -grpc::StatusCode::UNIMPLEMENTED) << how;
 }
 
 // By a peer that has not confirmed what it was told.
