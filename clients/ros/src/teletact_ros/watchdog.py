@@ -1,12 +1,15 @@
 """A second process, which takes the force away when the bridge can not: an arm keeps the last wrench of a dead client.
 
 The bridge writes a byte with each tick: which topic has a force, or that none has. When the pipe ends or falls silent with a
-force on, zero is sent. It has publishers of its own, and says each tenth of a second which of them reach the arm.
+force on, zero is sent, and at once when the bridge was killed: on a busy machine a killed process has its pipe, and its
+place among processes, for another tenth of a second or two, until each of its threads had a turn to end.
+It has publishers of its own, and says each tenth of a second which of them reach the arm.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import select
 import signal
 import subprocess
@@ -23,9 +26,9 @@ _NONE = 255
 class Watchdog:
     """The bridge's side. No call waits. ``topics``: where an arm takes wrenches; a topic is its number in them."""
 
-    def __init__(self, topics: list[str], ros_arguments: list[str], now: float) -> None:
-        self._process = subprocess.Popen([sys.executable, "-m", "teletact_ros.watchdog", *topics, *ros_arguments],
-                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
+    def __init__(self, topics: list[str], ros_arguments: list[str], now: float, hung_s: float = HUNG_S) -> None:
+        self._process = subprocess.Popen([sys.executable, "-m", "teletact_ros.watchdog", str(os.getpid()), str(hung_s),
+                                          *topics, *ros_arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         assert self._process.stdin and self._process.stdout
         self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
         os.set_blocking(self._to, False)
@@ -68,8 +71,18 @@ class Watchdog:
         self._process.stdout.close()  # type: ignore[union-attr]
 
 
-def watch(source: int, to: int, publishers: list[Any], zero: Any) -> None:
-    """Until the pipe ``source`` ends."""
+def killed(process: int) -> bool:
+    """Whether it must end: SIGKILL has come, whatever of it still goes on. By Linux's /proc; elsewhere nobody tells."""
+    try:
+        with open(f"/proc/{process}/status") as file:
+            pending = re.search(r"^ShdPnd:\s*([0-9a-f]+)$", file.read(), re.MULTILINE)
+    except OSError:
+        return False  # it has ended, and its pipe with it
+    return pending is not None and int(pending[1], 16) >> (signal.SIGKILL - 1) & 1 == 1
+
+
+def watch(source: int, to: int, publishers: list[Any], zero: Any, bridge: int, hung_s: float) -> None:
+    """Until the pipe ``source`` ends, or the process ``bridge`` was killed."""
     topic, heard_s, said_s = _NONE, time.monotonic(), 0.0
     while True:
         now = time.monotonic()
@@ -87,7 +100,9 @@ def watch(source: int, to: int, publishers: list[Any], zero: Any) -> None:
             if not beats:
                 return _zero(publishers, topic, zero)
             topic = beats[-1]
-        elif topic != _NONE and time.monotonic() - heard_s > HUNG_S:
+        elif killed(bridge):
+            return _zero(publishers, topic, zero)
+        elif topic != _NONE and time.monotonic() - heard_s > hung_s:
             _zero(publishers, topic, zero)
             topic = _NONE
 
@@ -109,8 +124,9 @@ def main(arguments: list[str]) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's are the bridge's
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = Node("teletact_watchdog")
-    publishers = [node.create_publisher(WrenchStamped, topic, 1) for topic in remove_ros_args(arguments)[1:]]
-    watch(sys.stdin.fileno(), sys.stdout.fileno(), publishers, WrenchStamped())
+    bridge, hung_s, *topics = remove_ros_args(arguments)[1:]
+    publishers = [node.create_publisher(WrenchStamped, topic, 1) for topic in topics]
+    watch(sys.stdin.fileno(), sys.stdout.fileno(), publishers, WrenchStamped(), int(bridge), float(hung_s))
     time.sleep(0.1)  # for what was sent to arrive
     node.destroy_node()
     rclpy.try_shutdown()
