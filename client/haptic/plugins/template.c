@@ -61,7 +61,7 @@ static int64_t now_ns(void) {
 typedef struct vendor_device {
   double position_m[3], velocity_m_s[3], force_n[3];
   double stiffness_n_m, press_m, period_s;
-  int64_t last_ns;
+  int64_t last_ns, hand_moves_ns; /* the latter 0: not yet */
 } vendor_device;
 
 #define VENDOR_DAMPING_N_S_M 5.0
@@ -86,8 +86,9 @@ static void vendor_update(vendor_device* device, int64_t time_ns) {
   device->last_ns = time_ns;
   if (elapsed_s > longest_s) elapsed_s = longest_s;
   const double two_pi = 6.283185307179586;
-  const double hand_m[3] = {
-      0, device->press_m * (1 - cos(two_pi / device->period_s * 1e-9 * (double)time_ns)) / 2, VENDOR_HOME_M};
+  const double moves_s = device->hand_moves_ns == 0 ? 0 : 1e-9 * (double)(time_ns - device->hand_moves_ns);
+  const double hand_m[3] = {0, device->press_m * (1 - cos(two_pi / device->period_s * moves_s)) / 2,
+                            VENDOR_HOME_M};
   for (; elapsed_s > step_s / 2; elapsed_s -= step_s) {
     for (int axis = 0; axis < 3; ++axis) {
       const double force_n = device->force_n[axis] -
@@ -124,6 +125,7 @@ static void run_box(page* shared, vendor_device* vendor, pid_t client) {
     lives = !shared->let_go && time_ns - shared->commanded_ns < FORCE_LIVES_NS;
     const double force_n[3] = {shared->command_n[0], shared->command_n[1], shared->command_n[2]};
     give_force(shared, vendor, lives ? force_n : none_n);
+    if (vendor->hand_moves_ns == 0) vendor->hand_moves_ns = shared->commanded_ns; /* from where it stood */
     if (lived && !lives && !shared->let_go) ++shared->lapses;
     vendor_update(vendor, time_ns);
     show_state(shared, vendor, time_ns);
