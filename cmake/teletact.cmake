@@ -19,7 +19,7 @@ if(TELETACT_SANITIZE)
     target_compile_options(teletact_options INTERFACE -fno-sanitize-recover=all)
     target_compile_definitions(teletact_options INTERFACE _GLIBCXX_ASSERTIONS)
   endif()
-  if(TELETACT_SANITIZE STREQUAL "thread")
+  if(TELETACT_SANITIZE STREQUAL "thread" AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     target_compile_options(teletact_options INTERFACE -Wno-tsan)  # Boost.Asio's fences, which it does not see
   endif()
 endif()

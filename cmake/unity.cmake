@@ -23,7 +23,9 @@ function(teletact_unity target count)
   if(TELETACT_UNITY)
     target_precompile_headers(${target} REUSE_FROM precompiled)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${count})
-    target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # of a file that is not the main one
+    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")  # clang does not know it
+      target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # of a file that is not the main one
+    endif()
   endif()
 endfunction()
 

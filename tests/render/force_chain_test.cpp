@@ -9,7 +9,6 @@ namespace teletact::client {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // In contact 4 mm deep, enabled for long, everything fresh.
 ForceChainInput pressed(double force_n) {
