@@ -61,7 +61,7 @@ TEST(Configuration, OpenFilesAreRaisedToWhatTheSystemAllows) {
 TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
   TemporaryFolder folder;
   const auto refused = [&](const std::string& text, const std::string& word) {
-    std::ofstream(folder / "c.toml") << text;
+    std::ofstream(folder / "c.toml") << "listen = 'unix:" + (folder / "s") + "'\n" + text;
     const auto outcome =
         test::run({test::service_binary(), "serve", "--config", folder / "c.toml"}, folder / "log");
     EXPECT_EQ(outcome.code, 1) << outcome.output;
