@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "service/solid/hexahedron.h"
 #include "service/solid/surface_compliance.h"
 #include "tests/reference/solid.h"
@@ -38,7 +40,9 @@ TEST(LayeredFactor, TheSurfacesComplianceIsTheSparseFactors) {
     }
     const std::vector<double> row = row_symbol(grid, layered(tissue), tissue.poisson_ratio, 16);
     ASSERT_EQ(row.size(), 6 * (nz / 2 + 1) * 16);
-    for (std::size_t k = 0; k < row.size(); ++k) EXPECT_NEAR(row[k], f.inverse[k], 1e-15) << k;  // rounding
+    const double largest = *std::max_element(row.begin(), row.end());
+    for (std::size_t k = 0; k < row.size(); ++k)
+      EXPECT_NEAR(row[k], f.inverse[k], 1e-12 * largest) << k;  // rounding
   }
 }
 
