@@ -3,6 +3,7 @@
 #include <malloc.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <condition_variable>
 #include <fstream>
 #include <mutex>
@@ -17,6 +18,15 @@ std::size_t resident_bytes_now() {
   return resident * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
 }
 
+namespace {
+
+std::size_t unused_bytes(std::size_t used) {
+  const std::size_t resident = resident_bytes_now();
+  return resident - std::min(resident, used);
+}
+
+}  // namespace
+
 FreeMemory::FreeMemory(std::chrono::milliseconds between)
     : thread_([this, between](const std::stop_token& stop) {
         be_nice();
@@ -26,11 +36,15 @@ FreeMemory::FreeMemory(std::chrono::milliseconds between)
         while (!stopped.wait_for(lock, stop, between, [&] { return stop.stop_requested(); })) look();
       }) {}
 
-// What was given back still counts as free: whether there is more, resident memory says.
+// What was given back still counts as free: whether there is more, memory says that is resident and that no
+// block is in. By resident memory alone, nothing would be given back that was in use when this looked last.
 void FreeMemory::look() {
-  if (resident_bytes_now() < resident_bytes_ + kLeastBytes || ::mallinfo2().fordblks < kLeastBytes) return;
+  const auto heap = ::mallinfo2();
+  const std::size_t used = heap.uordblks + heap.hblkhd;
+  unused_bytes_ = std::min(unused_bytes_, unused_bytes(used));
+  if (heap.fordblks < kLeastBytes || unused_bytes(used) < unused_bytes_ + kLeastBytes) return;
   ::malloc_trim(0);
-  resident_bytes_ = resident_bytes_now();
+  unused_bytes_ = unused_bytes(used);  // of then: what was freed meanwhile is still to be given back
 }
 
 }  // namespace teletact::service

@@ -20,7 +20,7 @@ class FreeMemory {
 
  private:
   void look();
-  std::size_t resident_bytes_ = 0;  // after it gave back last
+  std::size_t unused_bytes_ = 0;  // after it gave back last, or the fewest since
   std::jthread thread_;
 };
 
