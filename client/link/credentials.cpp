@@ -1,21 +1,21 @@
 #include "client/link/credentials.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <fstream>
-#include <iterator>
+#include <cstddef>
 #include <stdexcept>
+
+#include "disk/small_file.h"
 
 namespace teletact::client {
 namespace {
 
 std::string text_of(const std::string& flag, const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in)
-    throw std::runtime_error(flag + " " + path + ": " + std::strerror(errno) +
-                             "; give a file that can be read");
-  return {std::istreambuf_iterator<char>(in), {}};
+  constexpr std::size_t kMost = std::size_t{1} << 20;
+  try {
+    return read_small_stream(path, kMost);
+  } catch (const UnreadFile& error) {
+    throw std::runtime_error(flag + " " + path + ": " + error.what() + "; give a file that can be read");
+  }
 }
 
 std::string read_pem(const std::string& flag, const std::string& path, const std::string& kind,

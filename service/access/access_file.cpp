@@ -4,16 +4,13 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "disk/small_file.h"
 #include "service/limits/shown.h"
 
 namespace teletact::service {
@@ -128,13 +125,11 @@ AccessTable table_in(const toml::table& file) {
 
 AccessTable read_access(const std::filesystem::path& path) {
   const std::string where = "--access " + path.string() + ": ";
-  std::ifstream in(path, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (!in.is_open() || in.bad())
-    throw std::runtime_error(where + "cannot be read (" + std::strerror(errno) +
-                             "); give a file that this user may read");
   try {
-    return table_in(toml::parse(text));
+    return table_in(toml::parse(read_small_file(path, kMostAccessBytes)));
+  } catch (const UnreadFile& error) {
+    throw std::runtime_error(where + "cannot be read (" + error.what() +
+                             "); give a file that this user may read");
   } catch (const toml::parse_error& error) {
     throw std::runtime_error(where + shown(error.description(), kMostDescription) + ", line " +
                              std::to_string(error.source().begin.line));

@@ -2,11 +2,14 @@
 // certificate, roles, and optionally expires.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 
 #include "service/access/access_table.h"
 
 namespace teletact::service {
+
+inline constexpr std::size_t kMostAccessBytes = std::size_t{4} << 20;  // some 10,000 entries
 
 // Throws std::runtime_error, one line: file, entry, key and remedy.
 AccessTable read_access(const std::filesystem::path& file);

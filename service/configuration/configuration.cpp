@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "disk/small_file.h"
 #include "service/limits/shown.h"
 
 namespace teletact::service {
@@ -18,8 +19,12 @@ namespace {
 constexpr std::size_t kLongest = 500;  // of what is said of the file's text
 
 toml::table parsed(const std::filesystem::path& path) {
+  constexpr std::size_t kMostBytes = std::size_t{1} << 20;
   try {
-    return toml::parse_file(path.string());
+    return toml::parse(read_small_stream(path, kMostBytes));
+  } catch (const UnreadFile& error) {
+    throw std::runtime_error("--config " + path.string() + ": cannot be read (" + error.what() +
+                             "); give a file that this user may read");
   } catch (const toml::parse_error& error) {
     throw std::runtime_error("--config " + path.string() + ": " + shown(error.description(), kLongest) +
                              ", line " + std::to_string(error.source().begin.line));

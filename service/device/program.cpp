@@ -12,6 +12,8 @@
 #include <system_error>
 #include <utility>
 
+#include "disk/small_file.h"
+
 namespace teletact {
 // Made at build time by kernels/embed.cmake: every .cl and .clh by file name.
 const std::vector<std::pair<std::string_view, std::string_view>>& embedded_kernels();
@@ -28,11 +30,13 @@ std::string file_text(const std::string& file, const std::string& directory) {
       if (name == file) return std::string(text);
     throw DeviceError("no embedded kernel source " + file);
   }
-  std::ifstream stream(fs::path(directory) / file);
-  if (!stream) throw DeviceError("cannot read kernel source " + (fs::path(directory) / file).string());
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
+  constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+  const fs::path path = fs::path(directory) / file;
+  try {
+    return read_small_file(path, kMostBytes);
+  } catch (const UnreadFile& error) {
+    throw DeviceError("cannot read kernel source " + path.string() + ": " + error.what());
+  }
 }
 
 // The file named by a line `#include "x.clh"`, or empty.
@@ -121,11 +125,13 @@ std::string BinaryCache::path(const std::string& key) const {
 
 std::optional<std::vector<unsigned char>> BinaryCache::load(const std::string& key) const {
   if (directory_.empty()) return std::nullopt;
-  std::ifstream file(path(key), std::ios::binary);
-  if (!file) return std::nullopt;
-  std::ostringstream stream;
-  stream << file.rdbuf();
-  const std::string all = stream.str();
+  constexpr std::size_t kMostBytes = std::size_t{1} << 30;
+  std::string all;
+  try {
+    all = read_small_file(path(key), kMostBytes);
+  } catch (const UnreadFile&) {  // a miss
+    return std::nullopt;
+  }
   const std::size_t head = kMagic.size() + key.size() + 3 * sizeof(std::uint64_t);
   if (all.size() <= head) return std::nullopt;
   const std::string_view binary = std::string_view(all).substr(head);

@@ -72,7 +72,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   Listening listening = prepare_address(options.listen);
   address_ = listening.address;
   held_ = listening.held;
-  const auto credentials = credentials_of(options.listen);
+  credentials_ = credentials_of(options.listen);
   auto access = options.listen.access.empty()
                     ? nullptr
                     : std::make_shared<const Access>(options.listen.access, options.now, options.access_look);
@@ -91,10 +91,10 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   grpc::ServerBuilder builder;
   set_limits(builder, core_->limits);
   if (listening.sockets.empty())
-    builder.AddListeningPort(address_, credentials);
+    builder.AddListeningPort(address_, credentials_);
   else
     acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
-        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials_);
   builder.RegisterService(elastography_.get());
   builder.RegisterService(info_.get());
   builder.RegisterService(palpation_.get());

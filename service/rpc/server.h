@@ -64,6 +64,7 @@ class Server {
   void set_health(bool serving);
   void tell_devices(bool work);
   std::shared_ptr<void> held_;  // the socket; first: until nobody listens
+  std::shared_ptr<grpc::ServerCredentials> credentials_;
   std::unique_ptr<Core> core_;
   std::unique_ptr<ElastographyService> elastography_;
   std::unique_ptr<InfoService> info_;

@@ -9,8 +9,9 @@
 
 namespace teletact::service {
 
-// New files in the place of these are taken within two seconds, for connections that are made from then on.
-// Throws std::runtime_error, one line with the flag, for PEM files that cannot be read or do not fit.
+// New files in the place of these are taken within two seconds, for connections that are made from then on,
+// and while the result lives; those that do not fit are not taken. Throws std::runtime_error, one line with
+// the flag, for PEM files that cannot be read or do not fit.
 std::shared_ptr<grpc::ServerCredentials> credentials_of(const ListenOptions&);
 
 }  // namespace teletact::service

@@ -76,7 +76,10 @@ TEST(Credentials, FilesAreReadOrRefused) {
                                   std::string("a\nb"), std::string("\x80"), std::string(513, 'a')})
     EXPECT_NE(take("--token-file", text).find("--token-file"), std::string::npos) << text;
   for (const CredentialOption& option : credential_options(read))
-    EXPECT_NE(why_refused([&] { option.take(folder / "absent"); }).find(option.flag), std::string::npos);
+    for (const std::string path :
+         {(folder / "absent").string(), (folder / "").string(), std::string("/dev/zero")})
+      EXPECT_NE(why_refused([&] { option.take(path); }).find(std::string(option.flag) + " " + path),
+                std::string::npos);
 }
 
 TEST(Credentials, EveryCallShowsTheToken) {

@@ -8,6 +8,12 @@ from conftest import BUILD, Process, short_folder
 import teletact
 
 
+@pytest.mark.parametrize("field", ["tls_ca", "token_file"])
+def test_files_without_an_end_are_refused(field):
+    with pytest.raises(teletact.InvalidArgument, match="/dev/zero holds more than 1048576 bytes"):
+        teletact.connect("127.0.0.1:1", **{field: "/dev/zero"})
+
+
 def test_roles_are_let_in_and_others_are_told_why(monkeypatch):
     with short_folder() as folder:
         made = f"{folder}/set"

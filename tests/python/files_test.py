@@ -1,6 +1,7 @@
 """MetaImage files: those of teletact-client, ITK, PLUS and SUPRA are read, and what would be read with wrong numbers or
 axes is refused."""
 
+import os
 import zlib
 
 import numpy as np
@@ -69,6 +70,13 @@ def test_headers_that_are_refused(tmp_path, header, words):
     (tmp_path / "a.mha").write_bytes(header)
     with pytest.raises(teletact.DamagedFile, match=words):
         teletact.read_metaimage(tmp_path / "a.mha")
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, "/dev/zero"):
+        with pytest.raises(teletact.DamagedFile, match="is not a file"):
+            teletact.read_metaimage(path)
 
 
 def test_headers_are_read_as_metaio_does(tmp_path):

@@ -1,7 +1,12 @@
 // Certificates that change while the service serves.
+#include <sys/stat.h>
+
+#include <fstream>
+#include <iterator>
 #include <thread>
 
 #include "service/rpc/tls.h"
+#include "service/rpc/tls_files.h"
 #include "tests/rpc/guarded_server.h"
 #include "tests/support/finger_reader.h"
 
@@ -115,6 +120,61 @@ TEST(TlsFiles, ThatDoNotFitAreRefusedAtTheStart) {
   EXPECT_TRUE(credentials_of(options));
   options.tls_key = folder.put("other.pem", authority.key);
   refused(options, "do not fit");
+}
+
+// What gRPC reads is a copy, of files alone that fit.
+TEST(TlsFiles, ThatArePipesDevicesOrDoNotFitForAWhileAreNotTakenAndTheNextOnesAre) {
+  AccessFolder folder;
+  const auto end = GuardedServer::end();
+  const Identity authority = make_authority("test", end);
+  const auto text_of = [](const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    return std::string{std::istreambuf_iterator<char>(in), {}};
+  };
+  const auto put = [&](const Identity& made) {
+    folder.put("key.pem", made.key);
+    folder.put("cert.pem", made.certificate);
+  };
+  ListenOptions options;
+  options.tls_certificate = folder / "cert.pem";
+  options.tls_key = folder / "key.pem";
+  options.tls_client_ca = folder.put("ca.pem", authority.certificate);
+  Identity serves = make_server(authority, {"localhost"}, end);
+  put(serves);
+  TlsFiles files(options, std::chrono::milliseconds(5));
+  const auto comes = [](const auto& it) {
+    const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (!it() && std::chrono::steady_clock::now() < give_up)
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    return it();
+  };
+  for (const char* name : {"key.pem", "cert.pem", "ca.pem"})
+    for (const std::string what : {"pipe", "/dev/zero", "too much", "another's"}) {
+      const auto path = folder / name;
+      std::filesystem::remove(path);
+      if (what == "pipe") {
+        ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+      } else if (what == "too much") {
+        std::ofstream(path).close();
+        std::filesystem::resize_file(path, std::uintmax_t{3} << 30);
+      } else if (what == "another's") {
+        folder.put(name, std::string(name) == "cert.pem"  ? authority.certificate
+                         : std::string(name) == "key.pem" ? authority.key
+                                                          : serves.key);
+      } else {
+        std::filesystem::create_symlink(what, path);
+      }
+      const std::uint64_t before = files.looks();
+      EXPECT_TRUE(comes([&] { return files.looks() > before + 1; })) << name << ", " << what;
+      EXPECT_EQ(text_of(files.key()), serves.key) << name << ", " << what;
+      EXPECT_EQ(text_of(files.certificate()), serves.certificate) << name << ", " << what;
+      EXPECT_EQ(text_of(files.client_ca()), authority.certificate) << name << ", " << what;
+      folder.put("ca.pem", authority.certificate);
+      serves = make_server(authority, {"localhost"}, end);
+      put(serves);
+      EXPECT_TRUE(comes([&] { return text_of(files.certificate()) == serves.certificate; })) << name << what;
+      EXPECT_EQ(text_of(files.key()), serves.key);
+    }
 }
 
 }  // namespace

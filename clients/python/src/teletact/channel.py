@@ -25,6 +25,7 @@ PalpationStub: Any = palpation_pb2_grpc.PalpationStub
 
 _MOST_MESSAGE_BYTES = 256 << 20
 _LONGEST_TOKEN = 512
+_MOST_FILE_BYTES = 1 << 20  # of a token, a certificate or a key
 _OPTIONS = [
     ("grpc.initial_reconnect_backoff_ms", 50),
     ("grpc.min_reconnect_backoff_ms", 3000),  # how long one attempt may take: gRPC's name for it
@@ -188,10 +189,15 @@ def _on_this_machine(address: str) -> bool:
 
 def _read(field: str, path: str | Path) -> bytes:
     try:
-        return Path(path).read_bytes()
+        with open(path, "rb") as file:
+            data = file.read(_MOST_FILE_BYTES + 1)
     except OSError as error:
         raise InvalidArgument(f"{path} cannot be read ({error.strerror})", field=field,
                               remedy="give another file") from None
+    if len(data) > _MOST_FILE_BYTES:
+        raise InvalidArgument(f"{path} holds more than {_MOST_FILE_BYTES} bytes", field=field,
+                              remedy="give another file")
+    return data
 
 
 def _pem(field: str, path: str | Path | None, kind: bytes) -> bytes | None:

@@ -104,6 +104,8 @@ def _refusal(path: Path, field: str, problem: str, remedy: str = "correct the he
 
 
 def _bytes_of(path: Path) -> bytes:
+    if path.exists() and not path.is_file():
+        raise DamagedFile(f"{path}: is not a file", remedy="give the path of a file")
     try:
         return path.read_bytes()
     except OSError as error:

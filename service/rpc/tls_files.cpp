@@ -1,0 +1,122 @@
+#include "service/rpc/tls_files.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "disk/small_file.h"
+#include "service/access/certificates.h"
+
+namespace teletact::service {
+namespace {
+
+std::string read_pem(const char* flag, const std::filesystem::path& path) {
+  std::string text;
+  try {
+    text = read_small_file(path, TlsFiles::kMostBytes);
+  } catch (const UnreadFile& error) {
+    throw std::runtime_error(
+        fmt::format("{} {}: cannot be read ({}); give a PEM file", flag, path.string(), error.what()));
+  }
+  if (text.find("-----BEGIN") == std::string::npos)
+    throw std::runtime_error(fmt::format("{} {}: cannot be read as PEM", flag, path.string()));
+  return text;
+}
+
+[[noreturn]] void fail() {
+  throw std::runtime_error("--tls-certificate: no copy for gRPC can be made in memory: " +
+                           std::generic_category().message(errno));
+}
+
+}  // namespace
+
+void TlsFiles::Copy::put(const std::string& text) {
+  FileDescriptor made(::memfd_create("teletact-tls", MFD_CLOEXEC));
+  if (!made) fail();
+  for (std::size_t done = 0; done < text.size();) {
+    const ssize_t wrote = ::write(made.get(), text.data() + done, text.size() - done);
+    if (wrote < 0 && errno != EINTR) fail();
+    if (wrote > 0) done += static_cast<std::size_t>(wrote);
+  }
+  if (!file_)
+    file_ = std::move(made);
+  else if (::dup3(made.get(), file_.get(), O_CLOEXEC) < 0)
+    fail();
+}
+
+// gRPC finds out at the first handshake, and then says so to nobody.
+TlsFiles::Texts TlsFiles::fitting(const ListenOptions& o) {
+  Texts texts{.key = read_pem("--tls-key", o.tls_key),
+              .certificate = read_pem("--tls-certificate", o.tls_certificate),
+              .client_ca = {}};
+  try {
+    require_pair(texts.certificate, texts.key);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("--tls-certificate {}, --tls-key {}: the TLS files do not fit: {}",
+                                         o.tls_certificate.string(), o.tls_key.string(), error.what()));
+  }
+  if (o.tls_client_ca.empty()) return texts;
+  texts.client_ca = read_pem("--tls-client-ca", o.tls_client_ca);
+  try {
+    end_of(texts.client_ca);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("--tls-client-ca {}: {}", o.tls_client_ca.string(), error.what()));
+  }
+  return texts;
+}
+
+TlsFiles::TlsFiles(ListenOptions options, std::chrono::milliseconds between)
+    : options_(std::move(options)), between_(between) {
+  put(fitting(options_));
+  if (::access(key().c_str(), R_OK) != 0) fail();
+  looking_ = std::thread([this] { keep_looking(); });
+}
+
+TlsFiles::~TlsFiles() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  stopped_.notify_all();
+  looking_.join();
+}
+
+void TlsFiles::put(const Texts& texts) {
+  key_.put(texts.key);
+  certificate_.put(texts.certificate);
+  if (!texts.client_ca.empty()) client_ca_.put(texts.client_ca);
+  put_ = texts;
+}
+
+void TlsFiles::look() {
+  try {
+    const Texts texts = fitting(options_);
+    failed_.clear();
+    if (texts == put_) return;
+    put(texts);
+    spdlog::info("event=tls_read certificate=\"{}\"", options_.tls_certificate.string());
+  } catch (const std::exception& error) {  // tried again at the next look
+    if (failed_ == error.what()) return;
+    failed_ = error.what();
+    spdlog::error("event=tls_not_read error=\"{}\" goes_on=\"as it was read before\"", failed_);
+  }
+}
+
+void TlsFiles::keep_looking() {
+  std::unique_lock lock(mutex_);
+  while (!stopped_.wait_for(lock, between_, [this] { return stop_; })) {
+    lock.unlock();
+    look();
+    ++looks_;
+    lock.lock();
+  }
+}
+
+}  // namespace teletact::service
