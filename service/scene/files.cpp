@@ -9,8 +9,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
 namespace teletact::service {
@@ -18,10 +16,15 @@ namespace teletact::service {
 namespace fs = std::filesystem;
 
 FileError::FileError(const char* what, const fs::path& path, int number_)
-    : std::runtime_error(fmt::format(
-          "cannot {} {}: {}", what, path.string(),
-          number_ == ELOOP ? "it is a symbolic link, which is not followed" : std::strerror(number_))),
+    : std::runtime_error(fmt::format("cannot {} {}: {}", what, path.string(),
+                                     number_ == ELOOP   ? "it is a symbolic link, which is not followed"
+                                     : number_ == ENXIO ? "it is a pipe or a device, not a file"
+                                                        : std::strerror(number_))),
       number(number_) {}
+
+FileError::FileError(const char* what, const fs::path& path, const UnreadFile& error)
+    : std::runtime_error(fmt::format("cannot {} {}: {}", what, path.string(), error.what())),
+      number(error.number) {}
 
 bool FileError::full() const {
   return number == ENOSPC || number == EDQUOT;
@@ -41,6 +44,11 @@ class Descriptor {
   Descriptor(const Descriptor&) = delete;
   Descriptor& operator=(const Descriptor&) = delete;
   operator int() const { return descriptor_; }
+  void require_regular(const char* what, const fs::path& path) const {
+    struct stat found {};
+    if (::fstat(descriptor_, &found) != 0) throw FileError(what, path, errno);
+    if (!S_ISREG(found.st_mode)) throw FileError(what, path, ENXIO);  // as open() says of a pipe
+  }
 
  private:
   int descriptor_;
@@ -69,10 +77,12 @@ class MachineFiles final : public Files {
     if (error) throw FileError("read", file, error.value());
     return bytes;
   }
-  std::string read(const Path& file) override {
-    std::ifstream in(file, std::ios::binary);
-    if (!in) throw FileError("read", file, errno);
-    return {std::istreambuf_iterator<char>(in), {}};
+  std::string read(const Path& file, std::uint64_t most) override {
+    try {
+      return read_small_file(file, most);
+    } catch (const UnreadFile& error) {
+      throw FileError("read", file, error);
+    }
   }
   void make_folder(const Path& folder) override {
     if (::mkdir(folder.c_str(), kFolderMode) == 0) return;
@@ -82,7 +92,8 @@ class MachineFiles final : public Files {
     if (number != EEXIST || !fs::is_directory(there)) throw FileError("make", folder, number);
   }
   void write(const Path& path, std::span<const char> bytes) override {
-    const Descriptor file("write", path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW);
+    const Descriptor file("write", path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_NONBLOCK);
+    file.require_regular("write", path);
     while (!bytes.empty()) {
       const ssize_t wrote = ::write(file, bytes.data(), bytes.size());
       if (wrote < 0 && errno == EINTR) continue;
@@ -91,7 +102,7 @@ class MachineFiles final : public Files {
     }
   }
   void sync(const Path& path) override {
-    const Descriptor file("sync", path, O_RDONLY);
+    const Descriptor file("sync", path, O_RDONLY | O_NONBLOCK);
     if (::fsync(file) != 0) throw FileError("sync", path, errno);
   }
   void rename(const Path& from, const Path& to) override {
@@ -103,7 +114,8 @@ class MachineFiles final : public Files {
     if (error) throw FileError("remove", path, error.value());
   }
   std::shared_ptr<void> lock(const Path& path, bool wait) override {
-    auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT | O_NOFOLLOW);
+    auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK);
+    file->require_regular("write", path);
     while (::flock(*file, LOCK_EX | (wait ? 0 : LOCK_NB)) != 0) {
       if (errno == EWOULDBLOCK) return nullptr;
       if (errno != EINTR) throw FileError("lock", path, errno);

@@ -10,11 +10,14 @@
 #include <string>
 #include <vector>
 
+#include "disk/small_file.h"
+
 namespace teletact::service {
 
 // An operation that failed: one line with what and where, and errno's number.
 struct FileError : std::runtime_error {
   FileError(const char* what, const std::filesystem::path&, int number);
+  FileError(const char* what, const std::filesystem::path&, const UnreadFile&);
   bool full() const;  // no room, or none for this user
   int number;
 };
@@ -29,8 +32,9 @@ class Files {
   virtual bool exists(const Path&) = 0;
   virtual std::vector<std::string> list(const Path& folder) = 0;  // names, in order
   virtual std::uint64_t size(const Path& file) = 0;               // bytes
-  virtual std::string read(const Path& file) = 0;
-  virtual void make_folder(const Path&) = 0;                              // one that is there already stays
+  virtual std::string read(const Path& file,
+                           std::uint64_t most) = 0;  // of bytes; more fail, and what is no file
+  virtual void make_folder(const Path&) = 0;         // one that is there already stays
   virtual void write(const Path& file, std::span<const char> bytes) = 0;  // over what was there
   virtual void sync(const Path& file_or_folder) = 0;                      // a file's bytes, a folder's names
   virtual void rename(const Path& from, const Path& to) = 0;

@@ -23,6 +23,7 @@ namespace {
 constexpr std::size_t kLongest = 500;  // of what the log says of a file's text
 const std::string kGone = "deleted-";  // scenes on their way out
 constexpr const char* kAside = "set-aside";
+constexpr std::uint64_t kMostVersionBytes = 1000;
 
 std::uint64_t version_in(const std::string& text) {
   const json first = json::parse(text).at("first_unused");
@@ -55,7 +56,7 @@ StateStore::StateStore(const fs::path& directory, const Limits& limits, std::sha
     const fs::path versions = directory_ / "versions.json";
     try {
       if (files_->exists(versions) || !files_->list(scenes_).empty())
-        first_version_ = version_in(files_->read(versions));
+        first_version_ = version_in(files_->read(versions, kMostVersionBytes));
     } catch (const std::exception& e) {
       // Go on far beyond what any scene can have used.
       first_version_ = static_cast<std::uint64_t>(std::time(nullptr)) * kVersionBlock;
@@ -165,8 +166,9 @@ void StateStore::load(const std::string& id, const Take& take, const MemoryAccou
   std::vector<Charge> charges;
   const auto read = [&](const std::string& name, std::uint64_t held) {
     const fs::path file = scenes_ / id / name;
-    charges.push_back(account.charge(Place::kHost, "restoring", held * files_->size(file)));
-    return files_->read(file);
+    const std::uint64_t bytes = files_->size(file);
+    charges.push_back(account.charge(Place::kHost, "restoring", held * bytes));
+    return files_->read(file, bytes);
   };
   const SceneRecord record = decoded(
       read("scene.json", kOfText), [&](const std::string& name) { return read(name, kOfMap); }, limits_);

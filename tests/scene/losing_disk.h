@@ -58,7 +58,10 @@ class LosingDisk : public Files {
     return names;
   }
   std::uint64_t size(const Path& file) override { return at("read", file)->bytes.size(); }
-  std::string read(const Path& file) override { return at("read", file)->bytes; }
+  std::string read(const Path& file, std::uint64_t most) override {
+    if (size(file) > most) throw FileError("read", file, EFBIG);
+    return at("read", file)->bytes;
+  }
   void make_folder(const Path& path) override {
     step("make", path, true);
     if (const auto node = find(path)) {

@@ -127,9 +127,9 @@ TEST(SceneMemory, ARestoredSceneIsTheServicesOwn) {
 // Tells of each file that is read.
 class ReadDisk final : public LosingDisk {
  public:
-  std::string read(const Path& file) override {
+  std::string read(const Path& file, std::uint64_t most) override {
     if (on_read) on_read(file);
-    return LosingDisk::read(file);
+    return LosingDisk::read(file, most);
   }
   std::function<void(const Path&)> on_read;
 };

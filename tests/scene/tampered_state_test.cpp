@@ -1,5 +1,6 @@
 // State that a hand has been at, or that lies where others may write.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -73,6 +74,36 @@ TEST_F(TamperedState, NoNumberOfTheDescriptionChangesUnnoticed) {
   } catch (const std::exception& error) {
     EXPECT_NE(std::string(error.what()).find("checksum"), std::string::npos) << error.what();
   }
+}
+
+// Nobody writes to that pipe, or reads it: the start would wait for ever, and say nothing.
+TEST_F(TamperedState, PipesAndFilesWithoutEndHoldNoStart) {
+  make_scene();
+  const auto replaced = [&](const char* name) {
+    fs::remove(state() / name);
+    return state() / name;
+  };
+  for (const bool pipe : {true, false}) {
+    if (pipe) {
+      ASSERT_EQ(::mkfifo(replaced("versions.json").c_str(), 0600), 0);
+    } else {
+      fs::create_symlink("/dev/zero", replaced("versions.json"));
+    }
+    EXPECT_EQ(scenes_served(), 1U);
+    EXPECT_TRUE(json::parse(text_of(state() / "versions.json")).contains("first_unused")) << "written anew";
+  }
+  for (const char* name : {"lock", "versions.json.tmp"}) {
+    ASSERT_EQ(::mkfifo(replaced(name).c_str(), 0600), 0);
+    try {
+      Scenes scenes(state());
+      ADD_FAILURE() << name << " is taken";
+    } catch (const std::runtime_error& error) {
+      EXPECT_NE(std::string(error.what()).find(std::string(name) + ": it is a pipe"), std::string::npos)
+          << error.what();
+    }
+    fs::remove(state() / name);
+  }
+  EXPECT_EQ(scenes_served(), 1U);
 }
 
 TEST_F(TamperedState, LinksAreNotWrittenThrough) {

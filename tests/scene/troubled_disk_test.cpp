@@ -92,7 +92,7 @@ TEST_F(TroubledDisk, AFullOneIsNotFilledFurtherByWhatIsNotKept) {
     publish(scenes, 0.03);
     EXPECT_TRUE(says_so(publish(scenes, 0.06)));
     disk->work_again();
-    const std::string description = disk->read(folder / "scene.json");
+    const std::string description = disk->read(folder / "scene.json", 1 << 20);
     std::uint64_t newest = 0;
     for (const std::string& name : disk->list(folder)) {
       EXPECT_FALSE(name.ends_with(".tmp")) << name << " " << at;
@@ -210,9 +210,9 @@ TEST(KeepingState, ASceneThatDoesNotFitIntoMemoryAtTheStartIsNotWrittenOver) {
 // One that cannot be read for a while.
 class UnreadableDisk final : public LosingDisk {
  public:
-  std::string read(const Path& path) override {
+  std::string read(const Path& path, std::uint64_t most) override {
     if (unreadable && path.filename() == "scene.json") throw FileError("read", path, EIO);
-    return LosingDisk::read(path);
+    return LosingDisk::read(path, most);
   }
   bool unreadable = false;
 };
@@ -242,7 +242,7 @@ class WatchedDisk final : public Files {
   bool exists(const Path& p) override { return note(), disk_.exists(p); }
   std::vector<std::string> list(const Path& p) override { return note(), disk_.list(p); }
   std::uint64_t size(const Path& p) override { return note(), disk_.size(p); }
-  std::string read(const Path& p) override { return note(), disk_.read(p); }
+  std::string read(const Path& p, std::uint64_t most) override { return note(), disk_.read(p, most); }
   void make_folder(const Path& p) override { note(), disk_.make_folder(p); }
   void write(const Path& p, std::span<const char> bytes) override { note(), disk_.write(p, bytes); }
   void sync(const Path& p) override { note(), disk_.sync(p); }
