@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "client/watch/page.h"
+#include "http/host.h"
 #include "http/listener.h"
 
 namespace teletact::client {
@@ -47,14 +48,6 @@ bool same(std::string_view one, std::string_view other) {
   unsigned char differs = 0;
   for (std::size_t n = 0; n < one.size(); ++n) differs |= static_cast<unsigned char>(one[n] ^ other[n]);
   return differs == 0;
-}
-
-// A name that another site resolves to this machine is none of these.
-bool is_loopback(std::string_view host) {
-  const std::size_t colon = host.rfind(':');
-  if (colon != std::string_view::npos && host.find(']', colon) == std::string_view::npos)
-    host = host.substr(0, colon);
-  return host == "127.0.0.1" || host == "localhost" || host == "[::1]";
 }
 
 void be_nice() {
@@ -198,7 +191,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const std::string path = target.substr(0, target.find('?'));
     const std::size_t slash = path.find('/', 1);
     const std::string host(request[http::field::host]);
-    if (!is_loopback(host)) return answer(http::status::forbidden, "Host: this machine's loopback alone\n");
+    if (const auto refusal = host_refusal(request))
+      return answer(static_cast<http::status>(refusal->status), refusal->words);
     if (path.empty() || !same(std::string_view(path).substr(1, slash - 1), state_.token))
       return answer(http::status::forbidden, "open the address that was printed, with its token\n");
     place_->give_way = {};

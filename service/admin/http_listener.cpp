@@ -11,9 +11,9 @@
 #include <exception>
 #include <filesystem>
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
+#include "http/host.h"
 #include "http/listener.h"
 #include "service/rpc/address.h"
 #include "service/scene/niced_worker.h"
@@ -32,22 +32,14 @@ Protocol::endpoint endpoint_of(const Address& address) {
   return asio::ip::tcp::endpoint(asio::ip::make_address(address.host), address.port);
 }
 
-// A page of another site that its name server has led here says so. A probe of HTTP/1.0 names nobody.
-bool names_this_machine(std::string_view host) {
-  const std::size_t colon = host.rfind(':');
-  if (colon != std::string_view::npos && host.find(']', colon) == std::string_view::npos)
-    host = host.substr(0, colon);
-  return host.empty() || host == "127.0.0.1" || host == "localhost" || host == "[::1]";
-}
-
 http::response<http::string_body> respond(const http::request<http::empty_body>& request,
                                           const HttpListener::Answers& answers) {
   HttpListener::Answer answer;
   const bool get = request.method() == http::verb::get || request.method() == http::verb::head;
   const std::string target(request.target());
   try {
-    if (!names_this_machine(std::string(request[http::field::host])))
-      answer = {403, "Host: this machine's loopback alone\n"};
+    if (const auto refusal = host_refusal(request))
+      answer = {refusal->status, refusal->words};
     else if (get)
       answer = answers(target.substr(0, target.find('?')));
     else

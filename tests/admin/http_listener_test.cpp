@@ -57,6 +57,13 @@ TEST(HttpListener, AnotherSitesPageIsToldNothing) {
     EXPECT_TRUE(peer.rest().starts_with("HTTP/1.1 403")) << host;
   }
   for (const char* headers :
+       {"", "Host: 127.0.0.1\r\nHost: evil.example\r\n", "Host: evil.example\r\nHost: 127.0.0.1\r\n",
+        "Host: localhost\r\nHost: localhost\r\n"}) {
+    HttpPeer peer(l.port);
+    peer.send("GET /there HTTP/1.1\r\n" + std::string(headers) + "\r\n");
+    EXPECT_TRUE(peer.rest().starts_with("HTTP/1.1 400")) << headers;
+  }
+  for (const char* headers :
        {"Host: 127.0.0.1:9464\r\n", "Host: localhost\r\n", "Host: [::1]:9464\r\n", ""}) {
     HttpPeer peer(l.port);
     peer.send("GET /there HTTP/1.0\r\n" + std::string(headers) + "\r\n");

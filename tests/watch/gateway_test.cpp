@@ -116,6 +116,10 @@ TEST(Gateway, RefusesAWrongTokenAForeignHostAndAForeignOrigin) {
     EXPECT_TRUE(w.get(w.path(), host).starts_with("HTTP/1.1 403")) << host;
   for (const char* host : {"localhost:9", "127.0.0.1", "[::1]:80"})
     EXPECT_TRUE(w.get(w.path(), host).starts_with("HTTP/1.1 200")) << host;
+  for (const char* hosts :
+       {"", "Host: 127.0.0.1\r\nHost: example.org\r\n", "Host: example.org\r\nHost: localhost\r\n"})
+    EXPECT_TRUE(w.answer("GET " + w.path() + " HTTP/1.1\r\n" + hosts + "\r\n").starts_with("HTTP/1.1 400"))
+        << hosts;
   for (const char* origin : {"http://example.org", "null", "", "https://127.0.0.1"})
     EXPECT_THROW(WebPeer(w.gateway.url(), w.path("live"), origin), boost::system::system_error) << origin;
   EXPECT_THROW(WebPeer(w.gateway.url(), "/wrong/live", "http://127.0.0.1"), boost::system::system_error);
