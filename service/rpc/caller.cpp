@@ -3,6 +3,7 @@
 #include <grpc/grpc_security_constants.h>
 #include <grpcpp/security/auth_context.h>
 
+#include <iterator>
 #include <string_view>
 
 #include "service/access/certificates.h"
@@ -27,8 +28,12 @@ Digest token_in(std::string_view header) {
 
 Proof proof_in(const grpc::ServerContextBase& context) {
   Proof proof;
-  const auto header = context.client_metadata().find("authorization");
-  if (header != context.client_metadata().end()) proof.token = token_in(view(header->second));
+  const auto [first, last] = context.client_metadata().equal_range("authorization");
+  if (first != last) {
+    if (std::next(first) != last)  // whoever stands between may have looked at the other one
+      throw AccessRefused(AccessRefused::Why::kUnknown, "authorization: it was sent twice; send it once");
+    proof.token = token_in(view(first->second));
+  }
   const auto peer = context.auth_context();
   if (proof.token || !peer || !peer->IsPeerAuthenticated()) return proof;
   for (const char* property : {GRPC_X509_CN_PROPERTY_NAME, GRPC_X509_SAN_PROPERTY_NAME})

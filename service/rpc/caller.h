@@ -45,7 +45,8 @@ class Caller {
 };
 
 // What a caller shows: the token of "authorization: Bearer TOKEN", and its certificate, where the
-// connection's authority vouches for it. Throws AccessRefused for a header of another form.
+// connection's authority vouches for it. Throws AccessRefused for a header of another form,
+// and for two.
 Proof proof_in(const grpc::ServerContextBase&);
 
 }  // namespace teletact::service

@@ -73,5 +73,23 @@ TEST_F(AskedAgain, InVainByAFileThatCannotBeRead) {
   EXPECT_THROW(caller.look(begin + milliseconds(3001)), AccessRefused);
 }
 
+// A proxy that looks at one of them lets the other one in.
+TEST(Proof, IsRefusedWhereTwoTokensAreSent) {
+  for (const char* second : {"Bearer other-token", "Bearer hand-token", "Basic x"}) {
+    grpc::ServerContext context;
+    grpc::testing::ServerContextTestSpouse shown(&context);
+    shown.AddClientMetadata("authorization", "Bearer hand-token");
+    EXPECT_TRUE(proof_in(context).token);
+    shown.AddClientMetadata("authorization", second);
+    try {
+      proof_in(context);
+      ADD_FAILURE() << "taken with " << second;
+    } catch (const AccessRefused& refused) {
+      EXPECT_EQ(refused.why, AccessRefused::Why::kUnknown);
+      EXPECT_NE(std::string(refused.what()).find("authorization: it was sent twice"), std::string::npos);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace teletact::service
