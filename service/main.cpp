@@ -66,12 +66,15 @@ void raise_open_files() {
   setrlimit(RLIMIT_NOFILE, &files);
 }
 
-// Blocked before there is any thread, so that all inherit it and only those who wait for them take them.
+// Blocked before there is any thread, so that all inherit it and only those who wait for them take them. A
+// terminal that is closed stops the service, too, but not one that was started by nohup.
 sigset_t block_stop_signals() {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  struct sigaction hangup {};
+  if (::sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   return signals;
 }
@@ -214,7 +217,8 @@ void print_devices(bool as_json) {
 }
 
 void add_serve(CLI::App& app, ServeOptions& o) {
-  CLI::App* command = app.add_subcommand("serve", "Serve elastography and palpation until SIGTERM or SIGINT");
+  CLI::App* command =
+      app.add_subcommand("serve", "Serve elastography and palpation until SIGTERM, SIGINT or SIGHUP");
   command->add_option("--listen", o.server.listen.listen, "HOST:PORT or unix:/path")->capture_default_str();
   command->add_option("--admin", o.admin,
                       "metrics and health over HTTP, for this machine: 127.0.0.1:PORT or unix:/path");

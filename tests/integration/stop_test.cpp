@@ -1,4 +1,4 @@
-// SIGTERM while kernels are compiled, the device's driver hangs, or a hand does not move: the process ends
+// A signal while kernels are compiled, the device's driver hangs, or a hand does not move: the process ends
 // all the same.
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
@@ -124,6 +124,26 @@ TEST(Stop, SecondSignalEndsTheTimeInWhichHandsMove) {
   EXPECT_EQ(process.wait(60), 0) << process.output();
   EXPECT_NE(process.output().find("event=drained"), std::string::npos) << process.output();
   EXPECT_EQ(hand.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
+// A terminal that is closed ends it in order, unless it was to go on without one.
+TEST(Stop, AClosedTerminalDrainsItUnlessNohupSaysNot) {
+  for (const bool nohup : {false, true}) {
+    test::TemporaryFolder folder;
+    test::Process process(
+        {"/bin/sh", "-c",
+         std::string(nohup ? "trap '' HUP; " : "") + "exec \"$0\" serve --listen \"unix:$1\"",
+         test::service_binary(), folder / "s"},
+        folder / "log");
+    ASSERT_TRUE(process.says("serving on", 120)) << process.output();
+    process.kill(SIGHUP);
+    if (nohup) process.kill(SIGTERM);
+    EXPECT_EQ(process.wait(60), 0) << process.output();
+    EXPECT_NE(process.output().find(nohup ? "event=signal signal=15" : "event=signal signal=1\n"),
+              std::string::npos)
+        << process.output();
+    EXPECT_NE(process.output().find("event=drained"), std::string::npos) << process.output();
+  }
 }
 
 }  // namespace
