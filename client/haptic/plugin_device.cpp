@@ -5,6 +5,7 @@
 #include <array>
 #include <chrono>
 #include <filesystem>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -56,19 +57,20 @@ PluginDevice::~PluginDevice() {
 }
 
 void PluginDevice::check(const teletact_device_limits& limits) const {
+  const auto refuse = [&](const char* field, double value, const char* remedy) {
+    std::ostringstream out;
+    out << "device plugin '" << path_ << "': limits." << field << " is " << value << "; " << remedy;
+    throw std::runtime_error(out.str());
+  };
   const auto positive = [&](double value, const char* field) {
-    if (!(value > 0) || value > 1e6)
-      throw std::runtime_error("device plugin '" + path_ + "': limits." + field + " is " +
-                               std::to_string(value) + "; state what the device's data sheet says");
+    if (!(value > 0) || value > 1e6) refuse(field, value, "state what the device's data sheet says");
   };
   positive(limits.largest_force_n, "largest_force_n");
   positive(limits.largest_stiffness_n_m, "largest_stiffness_n_m");
   positive(limits.largest_damping_n_s_m, "largest_damping_n_s_m");
   // The passivity controller counts on these two: none is safe, a number that is none is not.
   const auto not_negative = [&](double value, const char* field) {
-    if (!(value >= 0) || value > 1e6)
-      throw std::runtime_error("device plugin '" + path_ + "': limits." + field + " is " +
-                               std::to_string(value) + "; give 0 if unknown");
+    if (!(value >= 0) || value > 1e6) refuse(field, value, "give 0 if unknown");
   };
   not_negative(limits.friction_n, "friction_n");
   not_negative(limits.damping_n_s_m, "damping_n_s_m");

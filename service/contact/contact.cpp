@@ -1,5 +1,7 @@
 #include "service/contact/contact.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -25,9 +27,9 @@ void validate(const TissueProblem& problem, std::size_t row, const PlanePose& po
     throw std::invalid_argument("pose.indentation_m is not finite; give metres");
   const double depth = problem.grid.y_m.back() - problem.grid.y_m[row];
   if (pose.indentation_m > 0 && pose.indentation_m >= depth) {
-    throw std::invalid_argument("pose.indentation_m is " + std::to_string(pose.indentation_m) +
-                                ", not less than the " + std::to_string(depth) +
-                                " m of tissue below the touched layer; press less deep");
+    throw std::invalid_argument(fmt::format(
+        "pose.indentation_m is {}, not less than the {} m of tissue below the touched layer; press less deep",
+        pose.indentation_m, depth));
   }
 }
 
@@ -35,8 +37,8 @@ void validate(const TissueProblem& problem, std::size_t row, const PlanePose& po
   const ColumnRange columns = problem.touchable;
   const auto& x = problem.grid.x_m;
   throw std::out_of_range(
-      "pose.x_m: the tip at " + std::to_string(x_m) + " m overlaps what cannot be touched; nodes from " +
-      std::to_string(x[columns.first]) + " to " + std::to_string(x[columns.last]) + " m can");
+      fmt::format("pose.x_m: the tip at {} m overlaps what cannot be touched; nodes from {} to {} m can", x_m,
+                  x[columns.first], x[columns.last]));
 }
 
 // Every node that the tip overlaps must be one that is served; beside the tissue there is nothing to overlap.

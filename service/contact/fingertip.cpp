@@ -14,8 +14,8 @@ namespace {
 
 void require_positive(double value, const char* field) {
   if (!(value > 0) || !std::isfinite(value)) {
-    throw std::invalid_argument(std::string("fingertip.") + field + " is " + std::to_string(value) +
-                                "; give a finite length above 0 m");
+    throw std::invalid_argument(
+        fmt::format("fingertip.{} is {}; give a finite length above 0 m", field, value));
   }
 }
 
@@ -84,9 +84,10 @@ Footprint gaussian(double sigma, double x_m, std::span<const double> grid, Colum
   }
   constexpr double kRounding = 1e-9;
   if (n < 3 || sigma < (0.5 - kRounding) * widest) {
-    throw std::invalid_argument("fingertip.footprint_m is " + std::to_string(sigma) +
-                                ", below half of the node spacing here; use 0 (hat function) or at least " +
-                                std::to_string(0.5 * widest));
+    throw std::invalid_argument(
+        fmt::format("fingertip.footprint_m is {}, below half of the node spacing here; use 0 (hat function) "
+                    "or at least {}",
+                    sigma, 0.5 * widest));
   }
   // b = g / G;  b' = (g' - b G') / G;  b'' = (g'' - 2 b' G' - b G'') / G.
   f.weights.col(0) /= sum[0];
@@ -100,8 +101,9 @@ Footprint gaussian(double sigma, double x_m, std::span<const double> grid, Colum
 void validate(const Fingertip& tip) {
   if (tip.shape == FingertipShape::kNode) {
     if (!(tip.footprint_m >= 0) || !std::isfinite(tip.footprint_m)) {
-      throw std::invalid_argument("fingertip.footprint_m is " + std::to_string(tip.footprint_m) +
-                                  "; give 0 (hat function) or a standard deviation in metres");
+      throw std::invalid_argument(
+          fmt::format("fingertip.footprint_m is {}; give 0 (hat function) or a standard deviation in metres",
+                      tip.footprint_m));
     }
     return;
   }
@@ -109,8 +111,8 @@ void validate(const Fingertip& tip) {
   const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
   if (!round) require_positive(tip.half_width_m, "half_width_m");
   if (tip.shape == FingertipShape::kPad && !(tip.pad_m_pa > 0 && std::isfinite(tip.pad_m_pa)))
-    throw std::invalid_argument("fingertip.pad_m_pa is " + std::to_string(tip.pad_m_pa) +
-                                "; give the pad's thickness over its modulus, above 0 m/Pa");
+    throw std::invalid_argument(fmt::format(
+        "fingertip.pad_m_pa is {}; give the pad's thickness over its modulus, above 0 m/Pa", tip.pad_m_pa));
 }
 
 double flat_half_m(const Fingertip& tip) {

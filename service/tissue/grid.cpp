@@ -1,5 +1,7 @@
 #include "service/tissue/grid.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -43,24 +45,26 @@ void require(bool condition, const std::string& message) {
 void validate(const TissueGrid& grid) {
   validate_coordinates(grid.x_m, "x_m");
   validate_coordinates(grid.y_m, "y_m");
-  require(grid.y_m.front() == 0,
-          "grid.y_m[0] is " + std::to_string(grid.y_m.front()) + "; depth starts at 0, the natural surface");
+  if (grid.y_m.front() != 0)  // a message costs more than the test
+    throw std::invalid_argument(
+        fmt::format("grid.y_m[0] is {}; depth starts at 0, the natural surface", grid.y_m.front()));
 }
 
 void validate(const TissueGrid& grid, const Material& material) {
   validate(grid);
-  require(material.poisson_ratio >= 0 && material.poisson_ratio < 0.5,
-          "material.poisson_ratio is " + std::to_string(material.poisson_ratio) +
-              "; give 0 <= nu < 0.5, for nearly incompressible tissue for example 0.49");
+  if (!(material.poisson_ratio >= 0 && material.poisson_ratio < 0.5))
+    throw std::invalid_argument(fmt::format(
+        "material.poisson_ratio is {}; give 0 <= nu < 0.5, for nearly incompressible tissue for example "
+        "0.49",
+        material.poisson_ratio));
   require(material.youngs_modulus_pa.size() == grid.elements(),
           "material.youngs_modulus_pa has " + std::to_string(material.youngs_modulus_pa.size()) +
               " values for " + std::to_string(grid.elements()) + " elements; give one per element");
   for (std::size_t e = 0; e < material.youngs_modulus_pa.size(); ++e) {
     const double modulus = material.youngs_modulus_pa[e];
-    if (std::isfinite(modulus) && modulus > 0) continue;  // a message costs more than the test
-    throw std::invalid_argument("material.youngs_modulus_pa[" + std::to_string(e) + "] is " +
-                                std::to_string(modulus) +
-                                "; every element needs a finite modulus above 0 Pa");
+    if (std::isfinite(modulus) && modulus > 0) continue;
+    throw std::invalid_argument(fmt::format(
+        "material.youngs_modulus_pa[{}] is {}; every element needs a finite modulus above 0 Pa", e, modulus));
   }
 }
 

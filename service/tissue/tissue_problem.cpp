@@ -1,5 +1,7 @@
 #include "service/tissue/tissue_problem.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -22,8 +24,9 @@ ColumnRange touchable_columns(const TissueGrid& grid, const FreeNodes& free, dou
   while (range.first <= range.last && grid.x_m[range.first] < begin - slack) ++range.first;
   while (range.last > range.first && grid.x_m[range.last] > end + slack) --range.last;
   if (range.first > range.last || grid.x_m[range.last] > end + slack) {
-    throw std::invalid_argument("options.touch_begin_m ... touch_end_m, " + std::to_string(begin) + " to " +
-                                std::to_string(end) + ", holds no free column of nodes; widen it");
+    throw std::invalid_argument(fmt::format(
+        "options.touch_begin_m ... touch_end_m, {} to {}, holds no free column of nodes; widen it", begin,
+        end));
   }
   return range;
 }
@@ -35,8 +38,8 @@ TissueProblem make_problem(TissueGrid grid, Material material, const Supports& s
   validate(grid, material);
   const FreeNodes free = free_nodes(grid, supports);
   if (!(thickness_m > 0) || !std::isfinite(thickness_m)) {
-    throw std::invalid_argument("options.thickness_m is " + std::to_string(thickness_m) +
-                                "; give the out-of-plane contact width in metres, above 0");
+    throw std::invalid_argument(fmt::format(
+        "options.thickness_m is {}; give the out-of-plane contact width in metres, above 0", thickness_m));
   }
   TissueProblem problem{std::move(grid), std::move(material), supports, thickness_m,
                         touch_begin_m,   touch_end_m,         {}};

@@ -27,7 +27,7 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
       // A Gaussian is cut at three standard deviations or so.
       if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= limits.most_tip_m))
         throw std::invalid_argument(
-            fmt::format("open.fingertip.footprint_m: {} m is not within [0, {:.4f}]; "
+            fmt::format("open.fingertip.footprint_m: {} m is not within [0, {}]; "
                         "0.001 m is smooth between nodes",
                         tip.footprint_m, limits.most_tip_m / 3));
       return;

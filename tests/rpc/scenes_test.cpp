@@ -90,6 +90,9 @@ TEST_F(SceneCalls, ScenesThatMakeNoSenseAreNamed) {
       changed([](auto& r) { r.mutable_modulus()->mutable_youngs_modulus_pa()->set_shape(0, 4000000000U); }),
       INVALID_ARGUMENT, "modulus.youngs_modulus_pa.shape");
   refused(changed([](auto& r) { r.mutable_modulus()->set_x_m(3, 0.001); }), INVALID_ARGUMENT, "modulus.x_m");
+  // By the contract's name, and with the number that it is, however small.
+  refused(changed([](auto& r) { r.mutable_modulus()->set_y_m(0, 5e-324); }), INVALID_ARGUMENT,
+          "modulus.y_m[0]: 5e-324 m");
   refused(changed([](auto& r) { r.set_scene_id("../../etc"); }), INVALID_ARGUMENT, "scene_id");
   refused(uniform_scene("s"), ALREADY_EXISTS, "scene_id");
   grpc::ClientContext context;

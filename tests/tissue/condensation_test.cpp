@@ -251,6 +251,8 @@ TEST(TissueModel, UnusableInputIsRefusedByName) {
   bad_grid = grid;
   bad_grid.y_m[0] = -1e-3;
   expect_names(refusal(bad_grid, good, {}, {}), "grid.y_m[0]");
+  bad_grid.y_m[0] = 5e-324;
+  expect_names(refusal(bad_grid, good, {}, {}), "grid.y_m[0] is 5e-324");
   const Supports free_body{EdgeSupport::kFree, EdgeSupport::kFree, EdgeSupport::kFree, EdgeSupport::kFree};
   expect_names(refusal(grid, good, free_body, {}), "supports");
   expect_names(refusal(grid, good, {}, {.thickness_m = 0}), "options.thickness_m");

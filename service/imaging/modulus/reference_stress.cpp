@@ -1,5 +1,7 @@
 #include "service/imaging/modulus/modulus.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -98,9 +100,9 @@ class ReferenceStress : public ModulusMethod {
       throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
     mean_axial_strain = median(axial);
     if (!(std::abs(mean_axial_strain) >= options_.least_strain))
-      throw NoCompression("the median axial strain is " + std::to_string(100 * mean_axial_strain) +
-                          " %, less than " + std::to_string(100 * options_.least_strain) +
-                          " %: press further between the frames");
+      throw NoCompression(fmt::format(
+          "the median axial strain is {:.3g} %, less than {:.3g} %: press further between the frames",
+          100 * mean_axial_strain, 100 * options_.least_strain));
     return median(ratios);
   }
 

@@ -156,7 +156,7 @@ class SolidModulusMethod : public ModulusMethod {
     const double mean = median(told);
     if (!(std::abs(mean) >= options_.least_strain))
       throw NoCompression(
-          fmt::format("the median axial strain is {:.3f} %, less than {:.3f} %: press further "
+          fmt::format("the median axial strain is {:.3g} %, less than {:.3g} %: press further "
                       "between the frames",
                       100 * mean, 100 * options_.least_strain));
     return mean;

@@ -2,6 +2,8 @@
 // prescribed part, K_uu u_u = -K_up u_p, and the force is the energy's derivative: P = u^T K u (unit push).
 #include "service/imaging/modulus/strip_model.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -37,9 +39,9 @@ Surroundings surroundings(const TissueExtent& t, double window_width_m) {
     throw std::invalid_argument("poisson_ratio: must be 0 <= nu <= 0.49999; tissue is about 0.49");
   const double right = t.width_m - t.window_x_m - window_width_m;
   if (!(t.window_x_m >= -kSlackM && right >= -kSlackM))
-    throw std::invalid_argument("window_x_m: the window [" + std::to_string(t.window_x_m) + ", " +
-                                std::to_string(t.window_x_m + window_width_m) +
-                                ") m is not inside the tissue [0, " + std::to_string(t.width_m) + "] m");
+    throw std::invalid_argument(
+        fmt::format("window_x_m: the window [{}, {}) m is not inside the tissue [0, {}] m", t.window_x_m,
+                    t.window_x_m + window_width_m, t.width_m));
   return {std::clamp(t.window_x_m, 0.0, kContextM), std::clamp(right, 0.0, kContextM)};
 }
 
