@@ -29,6 +29,14 @@ double line_pitch_of(const RecordedFrame& pre, const RecordedFrameOptions& optio
   return pre.line_pitch_m ? *pre.line_pitch_m : *options.line_pitch_m;
 }
 
+v1::PlaneCondition plane_of(const RecordedFrameOptions& options) {
+  if (options.plane != v1::PLANE_CONDITION_UNSPECIFIED) return options.plane;
+  return options.modulus_method == v1::MODULUS_METHOD_UNSPECIFIED ||
+                 options.modulus_method == v1::MODULUS_METHOD_SOLID
+             ? v1::PLANE_CONDITION_SOLID
+             : v1::PLANE_CONDITION_STRAIN;
+}
+
 // What must be known before any file is opened.
 void check_options(const RecordedFrameOptions& options) {
   check_hertz(options.center_frequency_hz, "--center-frequency-hz");
@@ -52,6 +60,12 @@ void check_options(const RecordedFrameOptions& options) {
   if (options.force_n.has_value() != options.contact_area_m2.has_value())
     throw FrameInputError(options.force_n ? "give --contact-area-m2 with --force-n, or neither"
                                           : "give --force-n with --contact-area-m2, or neither");
+  if (options.probe_elevation_m > 0 && plane_of(options) != v1::PLANE_CONDITION_SOLID)
+    throw FrameInputError(options.plane == v1::PLANE_CONDITION_UNSPECIFIED
+                              ? "--probe-elevation-m: of solid tissue alone, and this --modulus-method is "
+                                "one of plane strain; leave "
+                                "one of the two out"
+                              : "--probe-elevation-m: of solid tissue alone; leave it out, or --plane");
 }
 
 void check_alike(const RecordedFrame& pre, const RecordedFrame& post) {
@@ -88,11 +102,7 @@ v1::Acquisition acquisition_of(const RecordedFrame& pre, const RecordedFrameOpti
   acquisition.set_tissue_depth_m(options.tissue_depth_m);
   acquisition.set_tissue_width_m(options.tissue_width_m);
   acquisition.set_modulus_method(options.modulus_method);
-  const bool of_planes = options.modulus_method != v1::MODULUS_METHOD_UNSPECIFIED &&
-                         options.modulus_method != v1::MODULUS_METHOD_SOLID;
-  acquisition.set_plane(options.plane != v1::PLANE_CONDITION_UNSPECIFIED ? options.plane
-                        : of_planes                                      ? v1::PLANE_CONDITION_STRAIN
-                                                                         : v1::PLANE_CONDITION_SOLID);
+  acquisition.set_plane(plane_of(options));
   acquisition.set_probe_elevation_m(options.probe_elevation_m);
   acquisition.set_modulus_time_limit_s(options.modulus_time_limit_s);
   if (options.force_n) {

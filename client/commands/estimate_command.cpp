@@ -293,11 +293,12 @@ void add_estimate_command(CLI::App& app) {
                   "of the tissue that the probe stands on the middle of (default: the frame's width)")
       ->check(above_zero());
   add_modulus_options(command, frames.modulus_method, frames.modulus_time_limit_s);
-  add_plane_option(command, frames.plane, "solid");
+  add_plane_option(command, frames.plane,
+                   "solid; strain with --modulus-method reference-stress, direct or iterative");
   command
-      .add_option(
-          "--probe-elevation-m", frames.probe_elevation_m,
-          "length of the probe's face across the image plane (default: by the contact area, or fitted)")
+      .add_option("--probe-elevation-m", frames.probe_elevation_m,
+                  "of solid tissue: length of the probe's face across the image plane (default: by the "
+                  "contact area, or fitted)")
       ->check(above_zero());
   command.add_option("--out", arguments->out, "folder for the results")->required();
   command.callback([arguments] { run(*arguments); });

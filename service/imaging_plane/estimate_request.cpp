@@ -100,10 +100,12 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
   if (solid) r.modulus.kind = ModulusKind::kSolid;
   if (!solid && r.tissue.probe_elevation_m != 0)
     throw std::invalid_argument(
-        "acquisition.probe_elevation_m: only the plane condition SOLID takes it; leave it out");
+        "acquisition.probe_elevation_m: of solid tissue alone; give plane = SOLID without another "
+        "modulus_method, or leave it out");
   if (!solid && r.slice_of)
     throw std::invalid_argument(
-        "acquisition.slice_of: only the plane condition SOLID takes it; leave it out");
+        "acquisition.slice_of: of solid tissue alone; give plane = SOLID without another modulus_method, or "
+        "leave it out");
   if (r.slice_of && r.scene)
     throw std::invalid_argument(
         "acquisition.slice_of: a pair is published into a plane scene, or is a solid's slice; leave one out");

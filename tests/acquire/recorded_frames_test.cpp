@@ -55,6 +55,25 @@ TEST(RecordedFrames, ValuesThatCannotBeAskedForAreRefusedByName) {
   }
 }
 
+// A method of planes makes the tissue a plane, which has no length across the image.
+TEST(RecordedFrames, AProbesLengthIsRefusedWhereNothingIsSolid) {
+  RecordedFrameOptions good;
+  good.center_frequency_hz = 7e6;
+  good.sampling_frequency_hz = 40e6;
+  good.frame = "LAB";
+  good.probe_elevation_m = 0.005;
+  EXPECT_EQ(refusal(good).find("--probe-elevation-m"), std::string::npos);
+  for (const auto method : {v1::MODULUS_METHOD_DIRECT, v1::MODULUS_METHOD_ITERATIVE}) {
+    RecordedFrameOptions options = good;
+    options.modulus_method = method;
+    EXPECT_NE(refusal(options).find("--probe-elevation-m"), std::string::npos);
+    EXPECT_NE(refusal(options).find("--modulus-method"), std::string::npos) << "what made it a plane";
+  }
+  RecordedFrameOptions options = good;
+  options.plane = v1::PLANE_CONDITION_STRESS;
+  EXPECT_NE(refusal(options).find("leave it out, or --plane"), std::string::npos);
+}
+
 TEST(ModulusDoubt, AsksForTheUnitWhereNoSoftTissueIsLikeThat) {
   for (const double background_pa : {101.0, 9812.0, 9e5, static_cast<double>(NAN)})
     EXPECT_EQ(modulus_doubt(background_pa), "");
