@@ -12,15 +12,15 @@ class Allowance {
   using Clock = std::chrono::steady_clock;
   explicit Allowance(double per_second, double burst_s = 0.1)
       : per_second_(per_second), most_(std::max(1.0, per_second * burst_s)), left_(most_) {}
-  // Uses one up; false when none is left by `now`.
-  bool take(Clock::time_point now) {
+  // Uses one up, or `some`; false when fewer are left by `now`.
+  bool take(Clock::time_point now, double some = 1) {
     if (now > last_) {
       const double passed_s = std::chrono::duration<double>(now - last_).count();
       left_ = std::min(most_, left_ + passed_s * per_second_);
       last_ = now;
     }
-    if (left_ < 1) return false;
-    left_ -= 1;
+    if (left_ < some) return false;
+    left_ -= some;
     return true;
   }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "service/rpc/call_headers.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -10,7 +11,7 @@ namespace {
 
 class CountedCall final : public grpc::experimental::Interceptor {
  public:
-  CountedCall(const Connections& connections, const grpc::ServerContextBase& context)
+  CountedCall(Connections& connections, const grpc::ServerContextBase& context)
       : context_(context), call_(connections, context, true) {}
   void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
     using Point = grpc::experimental::InterceptionHookPoints;
@@ -24,6 +25,12 @@ class CountedCall final : public grpc::experimental::Interceptor {
 };
 
 }  // namespace
+
+void CallOfConnection::vouch() {
+  if (!connection_ || connection_->vouched()) return;
+  const auto peer = context_.auth_context();
+  connections_.vouch(*connection_, identity_of(*peer), peer);
+}
 
 // A stream counts itself: its every message would pass here.
 grpc::experimental::Interceptor* CountCalls::CreateServerInterceptor(

@@ -16,8 +16,11 @@ class CallOfConnection {
  public:
   // `counts`: it is open while this lives. Calls that begin with a message are counted by CountCalls: one
   // that is reset before that has come is told to nobody else.
-  CallOfConnection(const Connections& connections, const grpc::ServerContextBase& context, bool counts)
-      : connection_(connections.of(context.peer())), counts_(counts) {
+  CallOfConnection(Connections& connections, const grpc::ServerContextBase& context, bool counts)
+      : connections_(connections),
+        context_(context),
+        connection_(connections.of(context.peer())),
+        counts_(counts) {
     if (connection_ && counts_) connection_->begun();
   }
   ~CallOfConnection() {
@@ -30,11 +33,15 @@ class CallOfConnection {
     if (connection_) connection_->wasted();
   }
   // Its caller may make it.
-  void vouch() {
-    if (connection_) connection_->vouch();
+  void vouch();
+  // As CountedConnection's; never, where it is not counted.
+  CountedConnection::Clock::time_point late_at() const {
+    return connection_ ? connection_->late_at() : CountedConnection::Clock::time_point{};
   }
 
  private:
+  Connections& connections_;
+  const grpc::ServerContextBase& context_;
   const std::shared_ptr<CountedConnection> connection_;
   const bool counts_;
 };
@@ -42,11 +49,11 @@ class CallOfConnection {
 // Counts calls of one request, from their headers on.
 class CountCalls final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:
-  explicit CountCalls(const Connections& connections) : connections_(connections) {}
+  explicit CountCalls(Connections& connections) : connections_(connections) {}
   grpc::experimental::Interceptor* CreateServerInterceptor(grpc::experimental::ServerRpcInfo*) override;
 
  private:
-  const Connections& connections_;
+  Connections& connections_;
 };
 
 // Of the headers of a call together.

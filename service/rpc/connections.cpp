@@ -7,10 +7,12 @@
 #include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <string_view>
 #include <utility>
 
 namespace teletact::service {
@@ -18,6 +20,7 @@ namespace teletact::service {
 namespace {
 
 constexpr std::chrono::milliseconds kLook{20}, kLookAtKnown{200};
+constexpr int kNoRoomMs = 5;
 
 // What gRPC calls a peer, and its host alone.
 struct Peer {
@@ -47,6 +50,18 @@ tcp_info info_of(int socket) {
   return info;
 }
 
+// Of those that nobody has accepted yet.
+std::size_t waiting_at(int listener) {
+  return info_of(listener).tcpi_unacked;
+}
+
+// A size that is set stays as it is, so that the kernel is told that it may change it again.
+void set_window(int socket, int bytes, bool stays) {
+  ::setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
+  constexpr int kKernels = 0;
+  if (!stays) ::setsockopt(socket, SOL_SOCKET, SO_BUF_LOCK, &kKernels, sizeof kKernels);
+}
+
 // One line a second at most.
 void say_cut(const std::string& peer, bool known, const char* why) {
   static std::atomic<std::int64_t> said_s{-1}, unsaid{0};
@@ -69,7 +84,18 @@ CountedConnection::CountedConnection(FileDescriptor socket, std::string peer, st
       peer_(std::move(peer)),
       host_(std::move(host)),
       most_open_(limits.most_open),
-      may_waste_(limits.wasted) {}
+      may_waste_(limits.wasted) {
+  socklen_t size = sizeof usual_window_bytes_;
+  ::getsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &usual_window_bytes_, &size);
+  usual_window_bytes_ /= 2;  // the kernel doubles what it is given
+  set_window(socket_.get(), limits.unknown_window_bytes, true);
+}
+
+void CountedConnection::vouch(std::shared_ptr<const void> kept) {
+  if (vouched_.exchange(true)) return;
+  kept_ = std::move(kept);
+  set_window(socket_.get(), usual_window_bytes_, false);
+}
 
 void CountedConnection::begun() {
   if (++open_ > most_open_) cut("calls that are reset and pile up");
@@ -96,14 +122,22 @@ void CountedConnection::cut(const char* why) {
   say_cut(peer_, vouched(), why);
 }
 
-bool CountedConnection::closed() const {
-  constexpr int kEstablished = 1, kSynReceived = 3, kPeerHasClosed = 8;
-  const int state = info_of(socket_.get()).tcpi_state;
-  return state != kEstablished && state != kSynReceived && state != kPeerHasClosed;
-}
-
 std::uint64_t CountedConnection::received_bytes() const {
   return info_of(socket_.get()).tcpi_bytes_received;
+}
+
+CountedConnection::Seen CountedConnection::look(Clock::time_point now) {
+  constexpr int kEstablished = 1, kSynReceived = 3, kPeerHasClosed = 8;
+  const tcp_info info = info_of(socket_.get());
+  const int state = info.tcpi_state;
+  const std::uint64_t received = info.tcpi_bytes_received;
+  int unread = 0;
+  ::ioctl(socket_.get(), FIONREAD, &unread);
+  const std::uint64_t read = received - static_cast<std::uint64_t>(unread);
+  if (unread > 0 && read == read_bytes_) late_at_ = now;
+  read_bytes_ = read;
+  return {state != kEstablished && state != kSynReceived && state != kPeerHasClosed, received,
+          received - std::exchange(received_bytes_, received)};
 }
 
 void Connections::begin(std::vector<FileDescriptor> listeners, Hand hand, std::size_t largest_message_bytes) {
@@ -133,15 +167,42 @@ std::size_t Connections::count() const {
   return by_peer_.size();
 }
 
+void Connections::call_came(Identity identity) {
+  const auto now = Clock::now();
+  const std::lock_guard lock(mutex_);
+  if (vouched_.contains(identity) || unknown_calls_.take(now)) return;
+  cut_unknown(now, "calls of all that have not shown who they are");
+}
+
+void Connections::vouch(CountedConnection& connection, Identity identity, std::shared_ptr<const void> kept) {
+  const std::lock_guard lock(mutex_);
+  connection.vouch(std::move(kept));
+  vouched_.insert_or_assign(identity, connection.peer());
+}
+
+// Under the mutex. Whoever reads the calls of one does so here, and reads the rest of no other.
+void Connections::cut_unknown(Clock::time_point now, const char* why) {
+  constexpr std::chrono::milliseconds kBetween{2};
+  if (now - flooded_ < kBetween) return;
+  flooded_ = now;
+  for (const auto& [peer, connection] : by_peer_)
+    if (!connection->vouched() && connection->received_bytes() > limits_.first_call_bytes)
+      connection->cut(why);
+}
+
 void Connections::serve() {
   std::vector<pollfd> waiting{{woken_.get(), POLLIN, 0}};
   for (const FileDescriptor& listener : listeners_) waiting.push_back({listener.get(), POLLIN, 0});
+  Clock::time_point next_look{};
   while (!stop_) {
     const bool room = make_room(Clock::now());
     const int patience = count() == 0 ? -1 : static_cast<int>((unknown_ > 0 ? kLook : kLookAtKnown).count());
-    const int ready = ::poll(waiting.data(), room ? waiting.size() : 1, patience);
+    const int ready = ::poll(waiting.data(), room ? waiting.size() : 1, room ? patience : kNoRoomMs);
     const auto now = Clock::now();
-    look(now);
+    if (now >= next_look) {
+      look(now);
+      next_look = now + kLook;
+    }
     if (ready <= 0 || !room) continue;
     for (std::size_t k = 1; k < waiting.size(); ++k)
       if (waiting[k].revents != 0) accept(waiting[k].fd, now);
@@ -150,38 +211,71 @@ void Connections::serve() {
 
 void Connections::look(Clock::time_point now) {
   const std::size_t resident_bytes = unknown_ > 0 ? resident_bytes_now() : 0;
+  std::uint64_t newly_received = 0;
   const std::lock_guard lock(mutex_);
   for (auto at = by_peer_.begin(); at != by_peer_.end();) {
     CountedConnection& connection = *at->second;
+    const auto seen = connection.look(now);
     const double age_s = std::chrono::duration<double>(now - connection.since()).count();
     const bool grown = resident_bytes > connection.resident_bytes_then() + limits_.growth_bytes;
     const double at_once =
         grown ? limits_.unknown_bytes_per_second : static_cast<double>(most_unknown_bytes_);
     const double most_bytes = at_once + limits_.unknown_bytes_per_second * age_s;
-    if (!connection.vouched() && static_cast<double>(connection.received_bytes()) > most_bytes)
+    if (!connection.vouched()) newly_received += seen.since_last_look;
+    if (!connection.vouched() && static_cast<double>(seen.received_bytes) > most_bytes)
       connection.cut("bytes before it has shown who it is");
     if (connection.was_cut())
       after_cut_.try_emplace(connection.host(), now, limits_.after_cut).first->second.until =
           now + limits_.after_cut_for;
-    at = connection.was_cut() || connection.closed() ? by_peer_.erase(at) : std::next(at);
+    if (connection.was_cut() || seen.closed) {
+      std::erase_if(vouched_, [&](const auto& of) { return of.second == at->first; });
+      at = by_peer_.erase(at);
+    } else {
+      ++at;
+    }
   }
+  if (!unknown_bytes_.take(now, static_cast<double>(newly_received)))
+    cut_unknown(now, "bytes of all that have not shown who they are");
   std::erase_if(after_cut_, [&](const auto& host) { return host.second.until < now; });
 }
 
-// The place of one who has had its time, where none is left.
+// Who waits behind more than there are places for waits less for each of them.
+Connections::Clock::duration Connections::patience() const {
+  std::size_t waiting = 0;
+  for (const FileDescriptor& listener : listeners_) waiting += waiting_at(listener.get());
+  const double places = static_cast<double>(limits_.most_unknown);
+  const double share = places / (places + static_cast<double>(waiting));
+  const std::chrono::duration<double, std::milli> each = share * share * limits_.least_for_showing;
+  return std::max(std::chrono::duration_cast<Clock::duration>(each),
+                  std::min<Clock::duration>(limits_.least_for_showing, limits_.least_while_many_wait));
+}
+
+// The place of one who has had its time, where none is left: the oldest of the host that has most.
 bool Connections::make_room(Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   unknown_ = 0;
-  CountedConnection* oldest = nullptr;
+  struct OfHost {
+    std::size_t count = 0;
+    CountedConnection* oldest = nullptr;
+  };
+  std::map<std::string_view, OfHost> hosts;
   for (const auto& [peer, connection] : by_peer_) {
     if (connection->vouched()) continue;
     ++unknown_;
-    if (!oldest || connection->since() < oldest->since()) oldest = connection.get();
+    OfHost& host = hosts[connection->host()];
+    ++host.count;
+    if (!host.oldest || connection->since() < host.oldest->since()) host.oldest = connection.get();
   }
+  if (now - flooded_ < limits_.none_after_flood) return false;
   if (unknown_ < limits_.most_unknown && by_peer_.size() < limits_.most) return true;
-  if (!oldest || now - oldest->since() < limits_.least_for_showing) return false;
-  oldest->cut("others wait, and it has not shown who it is");
-  by_peer_.erase(oldest->peer());
+  const auto most = std::max_element(hosts.begin(), hosts.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.second.count, b.second.oldest->since()) <
+           std::pair(b.second.count, a.second.oldest->since());
+  });
+  if (most == hosts.end() || now - most->second.oldest->since() < patience()) return false;
+  CountedConnection& oldest = *most->second.oldest;
+  oldest.cut("others wait, and it has not shown who it is");
+  by_peer_.erase(std::string(oldest.peer()));
   return true;
 }
 

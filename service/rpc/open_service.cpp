@@ -17,7 +17,7 @@ namespace {
 
 class UnknownMethod final : public grpc::ServerGenericBidiReactor {
  public:
-  UnknownMethod(const Connections& connections, const grpc::ServerContextBase& context)
+  UnknownMethod(Connections& connections, const grpc::ServerContextBase& context)
       : call_(connections, context, true) {
     call_.waste();
     Finish({grpc::StatusCode::UNIMPLEMENTED, "there is no such method"});

@@ -55,11 +55,11 @@ class HealthService final : public grpc::Service {
 
 class UnknownMethods final : public grpc::CallbackGenericService {
  public:
-  explicit UnknownMethods(const Connections& connections) : connections_(connections) {}
+  explicit UnknownMethods(Connections& connections) : connections_(connections) {}
   grpc::ServerGenericBidiReactor* CreateReactor(grpc::GenericCallbackServerContext*) override;
 
  private:
-  const Connections& connections_;
+  Connections& connections_;
 };
 
 }  // namespace teletact::service

@@ -36,6 +36,8 @@ class ServedCall : public Reactor, public Served {
   // A call that has ended is cut when its end was not taken for so long: an answer that still waits to be
   // written, or the status.
   static constexpr std::chrono::seconds kEndTaken{3};
+  // Where this machine got round to a connection late, what its peer has sent may be on its way for so long.
+  static constexpr std::chrono::seconds kOnItsWay{2};
 
   void look(Clock::time_point now) final {
     if (const auto ended_at = life_.ended_at()) {
@@ -43,7 +45,7 @@ class ServedCall : public Reactor, public Served {
     } else {
       during([&] {
         authorised([&] { caller_.look(now); });
-        tick(now);
+        unless_late(now, [&] { tick(now); });
       });
     }
   }
@@ -95,6 +97,15 @@ class ServedCall : public Reactor, public Served {
     if (!worked.ok()) end(worked);
     release();
   }
+  // What the peer owes by a time is not asked for while the service has not taken what came.
+  template <class Work>
+  void unless_late(Clock::time_point now, Work&& work) {
+    try {
+      work();
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::kDeadline || now - connection_.late_at() > kOnItsWay) throw;
+    }
+  }
   // For what outlasts its caller (a write, a thread): hold() ... release().
   [[nodiscard]] bool hold() { return life_.begin(); }
   void release() { finish_if(life_.over()); }
@@ -134,8 +145,9 @@ class ServedCall : public Reactor, public Served {
     }
     const grpc::StatusCode code = life_.status().error_code();
     calls_.ended(kind_, code);
-    if (code == grpc::StatusCode::CANCELLED || code == grpc::StatusCode::UNAUTHENTICATED ||
-        code == grpc::StatusCode::PERMISSION_DENIED)
+    // One that is reset may have ended before it was told so.
+    if (context_->IsCancelled() || code == grpc::StatusCode::CANCELLED ||
+        code == grpc::StatusCode::UNAUTHENTICATED || code == grpc::StatusCode::PERMISSION_DENIED)
       connection_.waste();
     ticket_.reset();
     const auto last = std::move(self_);
@@ -202,8 +214,8 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
   void begun() override { read(); }
   void tick(Clock::time_point now) override {
     check();
-    require_taken(now);
     if (waiting_ && messages_.take(now)) read();
+    require_taken(now);
   }
   // What wanted() said of the message that opened it.
   const Wanted& required() const { return *required_; }
@@ -236,7 +248,7 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
     }
     this->during([this] {
       if (!required_ && (required_ = wanted(request_))) this->require(*required_);
-      take(request_);
+      this->unless_late(Clock::now(), [this] { take(request_); });
       if (messages_.take(Clock::now()))
         read();
       else

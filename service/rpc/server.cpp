@@ -11,6 +11,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "service/rpc/call_headers.h"
 #include "service/rpc/elastography_service.h"
 #include "service/rpc/info_service.h"
 #include "service/rpc/open_service.h"
@@ -23,8 +24,9 @@ namespace {
 
 constexpr int kMostCallsPerConnection = 256;                       // more wait in the client
 constexpr int kHandshakeMs = 10'000, kIdleConnectionMs = 300'000;  // a connection without calls
-constexpr int kMostReadBytes = 64 << 10;  // of a connection at once: others take turns, and it can be cut
-constexpr int kKeepaliveTimeMs = 10'000, kKeepaliveTimeoutMs = 5'000, kLeastPingIntervalMs = 5'000;
+// Of a connection at once, first and most: others take turns, and it can be cut.
+constexpr int kFirstReadBytes = 2 << 10, kMostReadBytes = 64 << 10;
+constexpr int kKeepaliveTimeMs = 10'000, kKeepaliveTimeoutMs = 5'000;
 
 const char* const kServices[] = {"teletact.v1.Info", "teletact.v1.Elastography", "teletact.v1.Palpation"};
 
@@ -53,12 +55,15 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveTimeMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kLeastPingIntervalMs);
+  // gRPC would count those that are too many, and keep a reason for each of one read: a second for forty
+  // connections. They count as bytes.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 0);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMostCallsPerConnection);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeMs);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleConnectionMs);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, static_cast<int>(kMostHeaderBytes));
+  builder.AddChannelArgument(GRPC_ARG_TCP_READ_CHUNK_SIZE, kFirstReadBytes);
   builder.AddChannelArgument(GRPC_ARG_TCP_MAX_READ_CHUNK_SIZE, kMostReadBytes);
   refuse_compressed(builder);
   grpc::ResourceQuota quota("teletact");
@@ -90,6 +95,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   grpc::EnableDefaultHealthCheckService(false);
   grpc::ServerBuilder builder;
   set_limits(builder, core_->limits);
+  if (!listening.sockets.empty()) count_headers(*credentials_, core_->connections);
   if (listening.sockets.empty())
     builder.AddListeningPort(address_, credentials_);
   else

@@ -3,12 +3,13 @@
 #include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
+#include "service/rpc/call_headers.h"
 #include "service/rpc/tls_files.h"
 
 namespace teletact::service {
 
 std::shared_ptr<grpc::ServerCredentials> credentials_of(const ListenOptions& o) {
-  if (o.tls_certificate.empty()) return grpc::InsecureServerCredentials();
+  if (o.tls_certificate.empty()) return clear_credentials();
   constexpr unsigned kLookS = 1;  // at the copies
   struct Kept {
     explicit Kept(const ListenOptions& options) : files(options) {}

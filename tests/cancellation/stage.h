@@ -78,6 +78,8 @@ class Service {
     service::ConnectionLimits limits;
     limits.wasted = service::Allowance(1e9);
     limits.unknown_bytes_per_second = 1e12;
+    limits.unknown_calls = service::Allowance(1e9);
+    limits.unknown_bytes = service::Allowance(1e12);
     return limits;
   }
   service::RunningServer server_;

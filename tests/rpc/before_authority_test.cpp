@@ -38,6 +38,13 @@ grpc::Status get_info(const std::shared_ptr<grpc::Channel>& channel, bool compre
   return v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
 }
 
+// That its connection is closed soon.
+bool ends(Http2Peer& peer) {
+  for (int k = 0; k < 100; ++k)
+    if (!peer.receive(200)) return true;
+  return false;
+}
+
 // On TCP: whoever reaches a Unix socket may use this machine.
 class BeforeAuthority : public testing::Test {
  protected:
@@ -134,6 +141,82 @@ TEST_F(FewUnknown, IdleConnectionsGiveWay) {
   // One that has shown who it is stays.
   for (std::size_t k = 0; k < kMost; ++k) idle.emplace_back(address());
   EXPECT_TRUE(get_info(channel).ok());
+}
+
+// Who is alone behind its host goes last.
+TEST_F(FewUnknown, TheHostThatHasMostGivesWay) {
+  Http2Peer alone(address(), "", 2);
+  std::vector<Http2Peer> many;
+  for (std::size_t k = 0; k < 3 * kMost; ++k) many.emplace_back(address());
+  EXPECT_TRUE(get_info(server.channel()).ok());
+  EXPECT_TRUE(alone.receive());
+  EXPECT_TRUE(ends(many.front()));
+}
+
+class Crowd : public BeforeAuthority {
+ protected:
+  Crowd() : BeforeAuthority({}, limits()) {}
+  static ConnectionLimits limits() {
+    ConnectionLimits limits;
+    limits.most_unknown = 4;
+    limits.least_for_showing = std::chrono::minutes(1);
+    return limits;
+  }
+};
+
+TEST_F(Crowd, GivesWayFaster) {
+  std::vector<Http2Peer> idle;
+  for (int k = 0; k < 100; ++k) idle.emplace_back(address());
+  EXPECT_TRUE(ends(idle.front()));
+}
+
+class Together : public BeforeAuthority {
+ protected:
+  static constexpr int kCalls = 100, kPeers = 8;
+  static constexpr std::size_t kBytes = 128 << 10;
+  Together() : BeforeAuthority({}, limits()) {}
+  static ConnectionLimits limits() {
+    ConnectionLimits limits;
+    limits.unknown_calls = Allowance(kCalls, 1);
+    limits.unknown_bytes = Allowance(kBytes, 1);
+    return limits;
+  }
+  // Each sends this. One that has sent no more than a first call takes stays.
+  void expect_cut(const std::string& bytes) {
+    Http2Peer modest(address());
+    std::vector<Http2Peer> peers;
+    for (int k = 0; k < kPeers; ++k) peers.emplace_back(address());
+    for (Http2Peer& peer : peers) peer.send(bytes);
+    EXPECT_TRUE(ends(peers.front()));
+    EXPECT_TRUE(modest.receive());
+  }
+  static std::string some(std::size_t bytes) {  // of a type of frame that there is not
+    constexpr auto kNoSuchType = static_cast<Http2Peer::Type>(0xf0);
+    return Http2Peer::frame(kNoSuchType, 0, 0, std::string(bytes, 'x'));
+  }
+};
+
+// Each of them fewer than one may. They wait for their message, and nobody is told of them.
+TEST_F(Together, CallsCutWhoHasSentMost) {
+  std::string calls;
+  for (std::uint32_t k = 0; k < kCalls / 2; ++k)
+    calls +=
+        Http2Peer::call(2 * k + 1, "/teletact.v1.Info/GetInfo", {{"x-long", "100 bytes a call, and more"}});
+  ASSERT_GT(calls.size(), limits().first_call_bytes);
+  expect_cut(calls);
+}
+
+TEST_F(Together, BytesCutWhoHasSentMost) {
+  expect_cut(some(kBytes / 8) + some(kBytes / 8));
+}
+
+TEST_F(Together, CallsOfWhoIsKnownAreNotCounted) {
+  const auto channel = server.channel();
+  EXPECT_TRUE(get_info(channel).ok());
+  Http2Peer peer(address());
+  peer.send(some(2 * limits().first_call_bytes));
+  for (int k = 0; k < 3 * kCalls; ++k) ASSERT_TRUE(get_info(channel).ok());
+  EXPECT_TRUE(peer.receive(100));
 }
 
 TEST_F(BeforeAuthority, CompressedMessagesAreRefused) {
@@ -262,6 +345,44 @@ TEST(CountedConnection, CallsThatPileUpCutIt) {
   EXPECT_FALSE(pair.cut());
   pair.ours->begun();
   EXPECT_TRUE(pair.cut());
+}
+
+TEST(CountedConnection, TakesLittleUntilItIsKnown) {
+  const auto window = [](const FileDescriptor& socket) {
+    int bytes = 0;
+    socklen_t size = sizeof bytes;
+    EXPECT_EQ(::getsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &bytes, &size), 0);
+    return bytes;
+  };
+  int ends[2];
+  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
+  const FileDescriptor theirs(ends[1]), same(::dup(ends[0]));
+  const int usual = window(same);
+  CountedConnection ours(FileDescriptor(ends[0]), "peer", "host");
+  EXPECT_LE(window(same), 2 * ConnectionLimits{}.unknown_window_bytes);
+  ours.vouch();
+  EXPECT_EQ(window(same), usual);
+}
+
+// What lies there at two looks: what it owes may be among it.
+TEST(CountedConnection, IsLateWhileNobodyReads) {
+  using Clock = CountedConnection::Clock;
+  int ends[2];
+  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
+  const FileDescriptor theirs(ends[1]), same(::dup(ends[0]));
+  CountedConnection ours(FileDescriptor(ends[0]), "peer", "host");
+  auto now = Clock::now();
+  const auto late = [&] {
+    ours.look(now += std::chrono::milliseconds(20));
+    return ours.late_at() == now;
+  };
+  EXPECT_FALSE(late() || late());
+  ASSERT_EQ(::send(theirs.get(), "ab", 2, 0), 2);
+  EXPECT_FALSE(late());
+  EXPECT_TRUE(late());
+  char byte = 0;
+  ASSERT_EQ(::recv(same.get(), &byte, 1, 0), 1);  // some of it: it goes on
+  EXPECT_FALSE(late());
 }
 
 TEST(CountedConnection, CallsThatComeToNothingCutIt) {

@@ -29,11 +29,13 @@ class Http2Peer {
   enum Flag : std::uint8_t { kNone = 0, kEndStream = 1, kEndHeaders = 4 };
   using Headers = std::vector<std::pair<std::string, std::string>>;
 
-  // `address`: 127.0.0.1:PORT. `settings`: their bytes, six each.
-  explicit Http2Peer(const std::string& address, const std::string& settings = "")
+  // `address`: 127.0.0.1:PORT. `settings`: their bytes, six each. `host`: it calls from 127.0.0.HOST.
+  explicit Http2Peer(const std::string& address, const std::string& settings = "", std::uint32_t host = 1)
       : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     sockaddr_in to{};
     to.sin_family = AF_INET;
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK - 1 + host);
+    ::bind(socket_, reinterpret_cast<const sockaddr*>(&to), sizeof to);
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     to.sin_port = htons(static_cast<std::uint16_t>(std::stoul(address.substr(address.rfind(':') + 1))));
     if (::connect(socket_, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0)
