@@ -76,7 +76,7 @@ TEST(Credentials, FilesAreReadOrRefused) {
                                   std::string("a\nb"), std::string("\x80"), std::string(513, 'a')})
     EXPECT_NE(take("--token-file", text).find("--token-file"), std::string::npos) << text;
   for (const CredentialOption& option : credential_options(read))
-    for (const std::string path :
+    for (const std::string& path :
          {(folder / "absent").string(), (folder / "").string(), std::string("/dev/zero")})
       EXPECT_NE(why_refused([&] { option.take(path); }).find(std::string(option.flag) + " " + path),
                 std::string::npos);
