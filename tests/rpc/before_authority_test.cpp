@@ -38,9 +38,9 @@ grpc::Status get_info(const std::shared_ptr<grpc::Channel>& channel, bool compre
   return v1::Info::NewStub(channel)->GetInfo(&context, {}, &info);
 }
 
-// That its connection is closed soon.
+// That its connection is closed before gRPC would close it: it answers no ping for 15 s.
 bool ends(Http2Peer& peer) {
-  for (int k = 0; k < 100; ++k)
+  for (int k = 0; k < 50; ++k)
     if (!peer.receive(200)) return true;
   return false;
 }
