@@ -8,9 +8,10 @@ import os
 import re
 import secrets
 import socket
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import grpc
 import grpc.aio
@@ -51,7 +52,21 @@ def require_not_forked() -> None:
     if forked():
         raise FailedPrecondition("this process was forked from one that had connected, and gRPC does not work here",
                                  remedy="connect in children alone, or start them by multiprocessing's \"spawn\"")
+    if _process is None and _fork_never_returns():
+        for fork in ("fork", "forkpty"):
+            setattr(os, fork, _refuse_to_fork)
     _process = os.getpid()
+
+
+def _fork_never_returns() -> bool:
+    """Debian 13's build of gRPC 1.51, once it is used: in fork() it waits for its own poller to end, which never does.
+    The index has no gRPC of these versions for these Pythons."""
+    return sys.version_info >= (3, 12) and grpc.__version__.startswith("1.51.")
+
+
+def _refuse_to_fork() -> NoReturn:
+    raise FailedPrecondition("this process has connected, and Debian 13's gRPC would wait in fork() for ever",
+                             remedy="fork before connecting, or start children by multiprocessing's \"spawn\"")
 
 
 def _leave_to_the_parent() -> None:
