@@ -67,7 +67,9 @@ TEST(Replay, MapsThatDoNotComeAreNotAlike) {
 }
 
 TEST(Replay, SaysHowManyAnswersAreNotAsTheyWere) {
-  ReplayReport report{.kind = "touch", .compared = 7};
+  ReplayReport report;
+  report.kind = "touch";
+  report.compared = 7;
   EXPECT_EQ(what_is_not_alike(report), "");
   report.not_alike = 2;
   EXPECT_EQ(what_is_not_alike(report).find("2 of 7 answers"), 0u) << what_is_not_alike(report);
