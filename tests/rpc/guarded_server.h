@@ -50,8 +50,10 @@ struct Shown {
 class GuardedServer {
  public:
   // With these entries (access_folder.h).
-  GuardedServer(Transport transport, const std::string& entries) : transport_(transport) {
+  GuardedServer(Transport transport, const std::string& entries, const ConnectionLimits& connections = {})
+      : transport_(transport) {
     ServerOptions options;
+    options.connections = connections;
     options.listen.listen =
         transport == Transport::kSocket ? "unix:" + (folder_ / "s").string() : "127.0.0.1:0";
     options.listen.access = folder_.put("access.toml", entries);
