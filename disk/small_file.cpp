@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <system_error>
 
+#include "disk/file_descriptor.h"
+
 namespace teletact {
 namespace {
 
@@ -16,20 +18,11 @@ namespace {
   throw UnreadFile(std::generic_category().message(number), number);
 }
 
-class Descriptor {
- public:
-  Descriptor(const std::filesystem::path& file, int flags)
-      : number_(::open(file.c_str(), flags | O_RDONLY | O_CLOEXEC | O_NOCTTY)) {
-    if (number_ < 0) fail(errno);
-  }
-  ~Descriptor() { ::close(number_); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  operator int() const { return number_; }
-
- private:
-  int number_;
-};
+FileDescriptor opened(const std::filesystem::path& path, int flags) {
+  FileDescriptor file(::open(path.c_str(), flags | O_RDONLY | O_CLOEXEC | O_NOCTTY));
+  if (!file) fail(errno);
+  return file;
+}
 
 void require_regular(const struct stat& found) {
   if (S_ISREG(found.st_mode)) return;
@@ -42,13 +35,13 @@ void require_regular(const struct stat& found) {
                    EINVAL);
 }
 
-std::string text_of(int file, std::size_t most) {
+std::string text_of(const FileDescriptor& file, std::size_t most) {
   constexpr std::size_t kAtOnce = std::size_t{64} << 10;
   std::string text;
   while (true) {
     const std::size_t before = text.size();
     text.resize(std::min(most + 1, before + kAtOnce));  // one more tells whether there is more
-    const ssize_t got = ::read(file, text.data() + before, text.size() - before);
+    const ssize_t got = ::read(file.get(), text.data() + before, text.size() - before);
     const int number = errno;
     text.resize(before + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
     if (text.size() > most) throw UnreadFile("it holds more than " + std::to_string(most) + " bytes", EFBIG);
@@ -63,15 +56,14 @@ std::string read_small_file(const std::filesystem::path& path, std::size_t most)
   struct stat found {};
   if (::stat(path.c_str(), &found) != 0) fail(errno);
   require_regular(found);  // first: opening alone does something to some devices
-  const Descriptor file(path, O_NONBLOCK);
-  if (::fstat(file, &found) != 0) fail(errno);
+  const FileDescriptor file = opened(path, O_NONBLOCK);
+  if (::fstat(file.get(), &found) != 0) fail(errno);
   require_regular(found);  // it may be another one by now
   return text_of(file, most);
 }
 
 std::string read_small_stream(const std::filesystem::path& path, std::size_t most) {
-  const Descriptor file(path, 0);
-  return text_of(file, most);
+  return text_of(opened(path, 0), most);
 }
 
 }  // namespace teletact

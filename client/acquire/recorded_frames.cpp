@@ -63,8 +63,7 @@ void check_options(const RecordedFrameOptions& options) {
   if (options.probe_elevation_m > 0 && plane_of(options) != v1::PLANE_CONDITION_SOLID)
     throw FrameInputError(options.plane == v1::PLANE_CONDITION_UNSPECIFIED
                               ? "--probe-elevation-m: of solid tissue alone, and this --modulus-method is "
-                                "one of plane strain; leave "
-                                "one of the two out"
+                                "one of plane strain; leave one of the two out"
                               : "--probe-elevation-m: of solid tissue alone; leave it out, or --plane");
 }
 

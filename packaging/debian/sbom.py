@@ -87,8 +87,8 @@ def installed(packages):
                 f"?arch={architecture}&distro={release['ID']}-{release.get('VERSION_ID', 'testing')}")
         yield source, {
             "SPDXID": spdx_id(name), "name": name, "versionInfo": version,
-            "sourceInfo": f"built from {source} {source_version}", "downloadLocation": "NOASSERTION", "filesAnalyzed": False, "licenseConcluded": "NOASSERTION",
-            "licenseDeclared": licence(name), "copyrightText": "NOASSERTION",
+            "sourceInfo": f"built from {source} {source_version}", "downloadLocation": "NOASSERTION",
+            "filesAnalyzed": False, "licenseConcluded": "NOASSERTION", "licenseDeclared": licence(name), "copyrightText": "NOASSERTION",
             "externalRefs": [{"referenceCategory": "PACKAGE-MANAGER", "referenceType": "purl", "referenceLocator": purl}]}
 
 

@@ -10,19 +10,12 @@
 namespace teletact::service {
 
 Access::Access(std::filesystem::path file, Now now, std::chrono::milliseconds between)
-    : file_(std::move(file)), now_(std::move(now)), between_(between), seen_(seen_now()) {
-  table_ = std::make_shared<const AccessTable>(read_access(file_));
-  spdlog::info("event=access_read file=\"{}\" entries={}", file_.string(), table_->size());
-  looking_ = std::thread([this] { keep_looking(); });
-}
-
-Access::~Access() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  stopped_.notify_all();
-  looking_.join();
+    : file_(std::move(file)),
+      now_(std::move(now)),
+      seen_(seen_now()),
+      table_(std::make_shared<const AccessTable>(read_access(file_))),
+      watch_(between, "access_not_read", [this] { look(); }) {
+  spdlog::info("event=access_read file=\"{}\" entries={}", file_.string(), table()->size());
 }
 
 std::shared_ptr<const AccessTable> Access::table() const {
@@ -52,31 +45,14 @@ Access::Seen Access::seen_now() const {
 }
 
 void Access::look() {
-  const Seen seen = seen_now();  // before it is read: what is written meanwhile is seen at the next look
+  const Seen seen = seen_now();
   if (seen == seen_) return;
-  try {
-    auto table = std::make_shared<const AccessTable>(read_access(file_));
-    spdlog::info("event=access_read file=\"{}\" entries={}", file_.string(), table->size());
-    seen_ = seen;
-    failed_.clear();
-    const std::lock_guard lock(mutex_);
-    table_ = std::move(table);
-    ++version_;
-  } catch (const std::exception& error) {  // tried again at the next look
-    if (failed_ == error.what()) return;
-    failed_ = error.what();
-    spdlog::error("event=access_not_read error=\"{}\" goes_on=\"as it was read before\"", failed_);
-  }
-}
-
-void Access::keep_looking() {
-  std::unique_lock lock(mutex_);
-  while (!stopped_.wait_for(lock, between_, [this] { return stop_; })) {
-    lock.unlock();
-    look();
-    ++looks_;
-    lock.lock();
-  }
+  auto table = std::make_shared<const AccessTable>(read_access(file_));
+  spdlog::info("event=access_read file=\"{}\" entries={}", file_.string(), table->size());
+  seen_ = seen;
+  const std::lock_guard lock(mutex_);
+  table_ = std::move(table);
+  ++version_;
 }
 
 }  // namespace teletact::service

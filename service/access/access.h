@@ -4,35 +4,32 @@
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
-#include <thread>
 
 #include "service/access/access_table.h"
+#include "service/access/file_watch.h"
 
 namespace teletact::service {
 
 class Access {
  public:
   using Now = std::function<WallClock::time_point()>;
-  static constexpr std::chrono::milliseconds kLook{500};
 
   // `now`: the time by which entries expire. `between`: two looks at the file. Throws std::runtime_error, one
   // line, for a file that cannot be used.
   explicit Access(std::filesystem::path file, Now now = WallClock::now,
-                  std::chrono::milliseconds between = kLook);
-  ~Access();
+                  std::chrono::milliseconds between = FileWatch::kLook);
 
   std::shared_ptr<const AccessTable> table() const;
   // Changes with the table: what was asked of an older one is to be asked again.
   std::uint64_t version() const { return version_.load(); }
   // How often the file was looked at since.
-  std::uint64_t looks() const { return looks_.load(); }
+  std::uint64_t looks() const { return watch_.looks(); }
   WallClock::time_point now() const { return now_(); }
   // One line a second at most: `who` was refused.
   void log_refusal(const std::string& peer, const AccessRefused&) const;
@@ -46,21 +43,16 @@ class Access {
   };
   Seen seen_now() const;
   void look();
-  void keep_looking();
 
   const std::filesystem::path file_;
   const Now now_;
-  const std::chrono::milliseconds between_;
+  Seen seen_;  // before it was read: what was written meanwhile is seen at the next look
   mutable std::mutex mutex_;
-  std::condition_variable stopped_;
   std::shared_ptr<const AccessTable> table_;
-  std::atomic<std::uint64_t> version_{1}, looks_{0};
+  std::atomic<std::uint64_t> version_{1};
   mutable std::chrono::steady_clock::time_point said_{};
   mutable std::uint64_t unsaid_ = 0;
-  bool stop_ = false;
-  Seen seen_;           // of who looks: the file that was read
-  std::string failed_;  // and why the one that is there was not
-  std::thread looking_;
+  FileWatch watch_;  // last: it looks at all of these
 };
 
 }  // namespace teletact::service

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "service/rpc/file_descriptor.h"
+#include "disk/file_descriptor.h"
 
 namespace teletact::service {
 

@@ -18,8 +18,8 @@
 #include <thread>
 #include <vector>
 
+#include "disk/file_descriptor.h"
 #include "service/rpc/allowance.h"
-#include "service/rpc/file_descriptor.h"
 #include "service/rpc/free_memory.h"
 
 namespace teletact::service {

@@ -35,7 +35,7 @@ struct ServerOptions {
   std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
   SpansOptions spans;
   Access::Now now = WallClock::now;  // by which access expires
-  std::chrono::milliseconds access_look = Access::kLook;
+  std::chrono::milliseconds access_look = FileWatch::kLook;
 };
 
 class Server {

@@ -51,44 +51,37 @@ void TlsFiles::Copy::put(const std::string& text) {
     fail();
 }
 
+TlsFiles::Texts TlsFiles::texts() const {
+  const ListenOptions& o = options_;
+  return {.key = read_pem("--tls-key", o.tls_key),
+          .certificate = read_pem("--tls-certificate", o.tls_certificate),
+          .client_ca = o.tls_client_ca.empty() ? "" : read_pem("--tls-client-ca", o.tls_client_ca)};
+}
+
 // gRPC finds out at the first handshake, and then says so to nobody.
-TlsFiles::Texts TlsFiles::fitting(const ListenOptions& o) {
-  Texts texts{.key = read_pem("--tls-key", o.tls_key),
-              .certificate = read_pem("--tls-certificate", o.tls_certificate),
-              .client_ca = {}};
+void TlsFiles::require_fit(const Texts& texts) const {
+  const ListenOptions& o = options_;
   try {
     require_pair(texts.certificate, texts.key);
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(fmt::format("--tls-certificate {}, --tls-key {}: the TLS files do not fit: {}",
                                          o.tls_certificate.string(), o.tls_key.string(), error.what()));
   }
-  if (o.tls_client_ca.empty()) return texts;
-  texts.client_ca = read_pem("--tls-client-ca", o.tls_client_ca);
   try {
-    end_of(texts.client_ca);
+    if (!texts.client_ca.empty()) end_of(texts.client_ca);
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(fmt::format("--tls-client-ca {}: {}", o.tls_client_ca.string(), error.what()));
   }
-  return texts;
 }
 
-TlsFiles::TlsFiles(ListenOptions options, std::chrono::milliseconds between)
-    : options_(std::move(options)), between_(between) {
-  put(fitting(options_));
+TlsFiles::TlsFiles(ListenOptions options, std::chrono::milliseconds between) : options_(std::move(options)) {
+  put(texts());
   if (::access(key().c_str(), R_OK) != 0) fail();
-  looking_ = std::thread([this] { keep_looking(); });
-}
-
-TlsFiles::~TlsFiles() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  stopped_.notify_all();
-  looking_.join();
+  watch_.emplace(between, "tls_not_read", [this] { look(); });
 }
 
 void TlsFiles::put(const Texts& texts) {
+  require_fit(texts);
   key_.put(texts.key);
   certificate_.put(texts.certificate);
   if (!texts.client_ca.empty()) client_ca_.put(texts.client_ca);
@@ -96,27 +89,10 @@ void TlsFiles::put(const Texts& texts) {
 }
 
 void TlsFiles::look() {
-  try {
-    const Texts texts = fitting(options_);
-    failed_.clear();
-    if (texts == put_) return;
-    put(texts);
-    spdlog::info("event=tls_read certificate=\"{}\"", options_.tls_certificate.string());
-  } catch (const std::exception& error) {  // tried again at the next look
-    if (failed_ == error.what()) return;
-    failed_ = error.what();
-    spdlog::error("event=tls_not_read error=\"{}\" goes_on=\"as it was read before\"", failed_);
-  }
-}
-
-void TlsFiles::keep_looking() {
-  std::unique_lock lock(mutex_);
-  while (!stopped_.wait_for(lock, between_, [this] { return stop_; })) {
-    lock.unlock();
-    look();
-    ++looks_;
-    lock.lock();
-  }
+  const Texts now = texts();
+  if (now == put_) return;
+  put(now);
+  spdlog::info("event=tls_read certificate=\"{}\"", options_.tls_certificate.string());
 }
 
 }  // namespace teletact::service

@@ -3,38 +3,32 @@
 // copy and is logged once.
 #pragma once
 
-#include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
-#include <mutex>
+#include <optional>
 #include <string>
-#include <thread>
 
+#include "disk/file_descriptor.h"
+#include "service/access/file_watch.h"
 #include "service/rpc/address.h"
-#include "service/rpc/file_descriptor.h"
 
 namespace teletact::service {
 
 class TlsFiles {
  public:
-  static constexpr std::chrono::milliseconds kLook{500};
   static constexpr std::size_t kMostBytes = std::size_t{1} << 20;  // of each
 
   // Throws std::runtime_error, one line with the flag, for files that cannot be read or do not fit.
   // `between`: two looks.
-  explicit TlsFiles(ListenOptions, std::chrono::milliseconds between = kLook);
-  ~TlsFiles();
-  TlsFiles(const TlsFiles&) = delete;
-  TlsFiles& operator=(const TlsFiles&) = delete;
+  explicit TlsFiles(ListenOptions, std::chrono::milliseconds between = FileWatch::kLook);
 
   // Paths of the copies, for this process alone; of the clients' authority empty where there is none.
   std::string key() const { return key_.path(); }
   std::string certificate() const { return certificate_.path(); }
   std::string client_ca() const { return options_.tls_client_ca.empty() ? "" : client_ca_.path(); }
   // How often the files were looked at since.
-  std::uint64_t looks() const { return looks_.load(); }
+  std::uint64_t looks() const { return watch_->looks(); }
 
  private:
   class Copy {
@@ -49,21 +43,15 @@ class TlsFiles {
     std::string key, certificate, client_ca;
     bool operator==(const Texts&) const = default;
   };
-  static Texts fitting(const ListenOptions&);
+  Texts texts() const;
+  void require_fit(const Texts&) const;
   void put(const Texts&);
   void look();
-  void keep_looking();
 
   const ListenOptions options_;
-  const std::chrono::milliseconds between_;
   Copy key_, certificate_, client_ca_;
-  Texts put_;           // of who looks
-  std::string failed_;  // and why what is there now was not
-  std::atomic<std::uint64_t> looks_{0};
-  std::mutex mutex_;
-  std::condition_variable stopped_;
-  bool stop_ = false;
-  std::thread looking_;
+  Texts put_;
+  std::optional<FileWatch> watch_;  // last: it looks at all of these
 };
 
 }  // namespace teletact::service

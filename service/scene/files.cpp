@@ -11,6 +11,8 @@
 #include <cstring>
 #include <utility>
 
+#include "disk/file_descriptor.h"
+
 namespace teletact::service {
 
 namespace fs = std::filesystem;
@@ -34,25 +36,20 @@ namespace {
 
 constexpr mode_t kFileMode = 0600, kFolderMode = 0700;
 
-class Descriptor {
- public:
-  Descriptor(const char* what, const fs::path& path, int flags)
-      : descriptor_(::open(path.c_str(), flags | O_CLOEXEC, kFileMode)) {
-    if (descriptor_ < 0) throw FileError(what, path, errno);
-  }
-  ~Descriptor() { ::close(descriptor_); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  operator int() const { return descriptor_; }
-  void require_regular(const char* what, const fs::path& path) const {
-    struct stat found {};
-    if (::fstat(descriptor_, &found) != 0) throw FileError(what, path, errno);
-    if (!S_ISREG(found.st_mode)) throw FileError(what, path, ENXIO);  // as open() says of a pipe
-  }
+FileDescriptor opened(const char* what, const fs::path& path, int flags) {
+  FileDescriptor file(::open(path.c_str(), flags | O_CLOEXEC | O_NONBLOCK, kFileMode));
+  if (!file) throw FileError(what, path, errno);
+  return file;
+}
 
- private:
-  int descriptor_;
-};
+// To be written.
+FileDescriptor opened_file(const fs::path& path, int flags) {
+  FileDescriptor file = opened("write", path, flags | O_CREAT | O_NOFOLLOW);
+  struct stat found {};
+  if (::fstat(file.get(), &found) != 0) throw FileError("write", path, errno);
+  if (!S_ISREG(found.st_mode)) throw FileError("write", path, ENXIO);  // as open() says of a pipe
+  return file;
+}
 
 class MachineFiles final : public Files {
  public:
@@ -92,18 +89,16 @@ class MachineFiles final : public Files {
     if (number != EEXIST || !fs::is_directory(there)) throw FileError("make", folder, number);
   }
   void write(const Path& path, std::span<const char> bytes) override {
-    const Descriptor file("write", path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_NONBLOCK);
-    file.require_regular("write", path);
+    const FileDescriptor file = opened_file(path, O_WRONLY | O_TRUNC);
     while (!bytes.empty()) {
-      const ssize_t wrote = ::write(file, bytes.data(), bytes.size());
+      const ssize_t wrote = ::write(file.get(), bytes.data(), bytes.size());
       if (wrote < 0 && errno == EINTR) continue;
       if (wrote <= 0) throw FileError("write", path, wrote < 0 ? errno : ENOSPC);
       bytes = bytes.subspan(static_cast<std::size_t>(wrote));
     }
   }
   void sync(const Path& path) override {
-    const Descriptor file("sync", path, O_RDONLY | O_NONBLOCK);
-    if (::fsync(file) != 0) throw FileError("sync", path, errno);
+    if (::fsync(opened("sync", path, O_RDONLY).get()) != 0) throw FileError("sync", path, errno);
   }
   void rename(const Path& from, const Path& to) override {
     if (::rename(from.c_str(), to.c_str()) != 0) throw FileError("rename", from, errno);
@@ -114,9 +109,8 @@ class MachineFiles final : public Files {
     if (error) throw FileError("remove", path, error.value());
   }
   std::shared_ptr<void> lock(const Path& path, bool wait) override {
-    auto file = std::make_shared<Descriptor>("write", path, O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK);
-    file->require_regular("write", path);
-    while (::flock(*file, LOCK_EX | (wait ? 0 : LOCK_NB)) != 0) {
+    const auto file = std::make_shared<FileDescriptor>(opened_file(path, O_RDWR));
+    while (::flock(file->get(), LOCK_EX | (wait ? 0 : LOCK_NB)) != 0) {
       if (errno == EWOULDBLOCK) return nullptr;
       if (errno != EINTR) throw FileError("lock", path, errno);
     }

@@ -1,15 +1,12 @@
 // Peers that have not shown who they are: what they cost is bounded, and others feel nothing of it.
 #include <malloc.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <chrono>
 #include <functional>
 #include <string>
-#include <thread>
 #include <vector>
 
-#include "service/rpc/free_memory.h"
 #include "tests/access/access_folder.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/guarded_server.h"
@@ -322,97 +319,6 @@ TEST(UnknownCallers, AreCut) {
   EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << status.error_message();
   EXPECT_GE(calls, 100) << "one that mistypes";
 }
-
-// Both ends of a connection, the service's counted.
-struct Pair {
-  Pair() {
-    int ends[2];
-    EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
-    theirs = FileDescriptor(ends[1]);
-    ours = std::make_unique<CountedConnection>(FileDescriptor(ends[0]), "peer", "host");
-  }
-  bool cut() const {
-    char byte = 0;
-    return ::recv(theirs.get(), &byte, 1, MSG_DONTWAIT) == 0;
-  }
-  FileDescriptor theirs;
-  std::unique_ptr<CountedConnection> ours;
-};
-
-TEST(CountedConnection, CallsThatPileUpCutIt) {
-  const int kMostOpen = ConnectionLimits{}.most_open;
-  const Pair pair;
-  for (int k = 0; k < 10 * kMostOpen; ++k) pair.ours->begun(), pair.ours->ended();
-  for (int k = 0; k < kMostOpen; ++k) pair.ours->begun();
-  EXPECT_FALSE(pair.cut());
-  pair.ours->begun();
-  EXPECT_TRUE(pair.cut());
-}
-
-TEST(CountedConnection, TakesLittleUntilItIsKnown) {
-  const auto window = [](const FileDescriptor& socket) {
-    int bytes = 0;
-    socklen_t size = sizeof bytes;
-    EXPECT_EQ(::getsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &bytes, &size), 0);
-    return bytes;
-  };
-  int ends[2];
-  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
-  const FileDescriptor theirs(ends[1]), same(::dup(ends[0]));
-  const int usual = window(same);
-  CountedConnection ours(FileDescriptor(ends[0]), "peer", "host");
-  EXPECT_LE(window(same), 2 * ConnectionLimits{}.unknown_window_bytes);
-  ours.vouch();
-  EXPECT_EQ(window(same), usual);
-}
-
-// What lies there at two looks: what it owes may be among it.
-TEST(CountedConnection, IsLateWhileNobodyReads) {
-  using Clock = CountedConnection::Clock;
-  int ends[2];
-  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
-  const FileDescriptor theirs(ends[1]), same(::dup(ends[0]));
-  CountedConnection ours(FileDescriptor(ends[0]), "peer", "host");
-  auto now = Clock::now();
-  const auto late = [&] {
-    ours.look(now += std::chrono::milliseconds(20));
-    return ours.late_at() == now;
-  };
-  EXPECT_FALSE(late() || late());
-  ASSERT_EQ(::send(theirs.get(), "ab", 2, 0), 2);
-  EXPECT_FALSE(late());
-  EXPECT_TRUE(late());
-  char byte = 0;
-  ASSERT_EQ(::recv(same.get(), &byte, 1, 0), 1);  // some of it: it goes on
-  EXPECT_FALSE(late());
-}
-
-TEST(CountedConnection, CallsThatComeToNothingCutIt) {
-  const Pair pair;
-  for (int k = 0; k < 500; ++k) pair.ours->wasted();
-  EXPECT_FALSE(pair.cut());
-  for (int k = 0; k < 1'000'000 && !pair.ours->was_cut(); ++k) pair.ours->wasted();
-  EXPECT_TRUE(pair.cut());
-}
-
-// Where the sanitizer has an allocator of its own, there is nothing to give back.
-#ifndef __SANITIZE_ADDRESS__
-// The second half is in use when the first is given back.
-TEST(FreeMemory, IsGivenBack) {
-  constexpr std::size_t kBlocks = 150'000, kBlockBytes = 1024, kKept = 1000;
-  std::vector<std::unique_ptr<char[]>> blocks(2 * kBlocks);
-  for (auto& block : blocks) block = std::make_unique<char[]>(kBlockBytes);
-  const FreeMemory keeper(std::chrono::milliseconds(20));
-  for (const std::size_t begin : {std::size_t{0}, kBlocks}) {
-    const std::size_t held = resident_bytes_now();
-    for (std::size_t k = begin; k < begin + kBlocks; ++k)
-      if (k % kKept != 0) blocks[k].reset();
-    for (int k = 0; k < 1000 && resident_bytes_now() > held - kBlocks * kBlockBytes / 2; ++k)
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    EXPECT_LE(resident_bytes_now(), held - kBlocks * kBlockBytes / 2);
-  }
-}
-#endif
 
 }  // namespace
 }  // namespace teletact::service

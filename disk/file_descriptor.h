@@ -5,7 +5,7 @@
 
 #include <utility>
 
-namespace teletact::service {
+namespace teletact {
 
 class FileDescriptor {
  public:
@@ -27,4 +27,4 @@ class FileDescriptor {
   int number_;
 };
 
-}  // namespace teletact::service
+}  // namespace teletact
