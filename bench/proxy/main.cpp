@@ -28,7 +28,8 @@ std::vector<FaultEvent> faults_of(const std::string& word, const DirectionFaults
   if (word == "stall") return {{.kind = Kind::kStall, .seconds = kStallS}};
   if (word == "jitter") return {{.faults = {jitter, jitter}}};
   if (word == "far") return {{.faults = {far, far}}};
-  if (word == "cut") return {{.kind = Kind::kReset}, {.kind = Kind::kStall, .seconds = kCutS}};
+  // Stalled first: whoever connects at once after the reset meets a dead link, too.
+  if (word == "cut") return {{.kind = Kind::kStall, .seconds = kCutS}, {.kind = Kind::kReset}};
   if (word == "none") return {{.faults = {usual, usual}}};
   return {};
 }
