@@ -42,21 +42,19 @@ Indentation indentation_of(const Finger& finger, const std::vector<double>& x_m,
 Eigen::VectorXd contact_pressure(const Eigen::MatrixXd& s, const Eigen::VectorXd& w) {
   constexpr int kBlockRounds = 40;
   const Index n = w.size();
-  std::vector<char> active(static_cast<std::size_t>(n));
-  for (Index i = 0; i < n; ++i) active[static_cast<std::size_t>(i)] = w(i) > 0;
+  Eigen::Array<bool, Eigen::Dynamic, 1> active = w.array() > 0;
   const double gap_slack = 1e-12 * w.cwiseAbs().maxCoeff();
   for (int round = 0;; ++round) {
     std::vector<Index> set;
     for (Index i = 0; i < n; ++i)
-      if (active[static_cast<std::size_t>(i)]) set.push_back(i);
+      if (active(i)) set.push_back(i);
     Eigen::VectorXd p = Eigen::VectorXd::Zero(n);
     if (!set.empty()) p(set) = s(set, set).llt().solve(w(set)).eval();
     const Eigen::VectorXd gap = s * p - w;
     bool changed = false;
     for (Index i = 0; i < n && !(changed && round >= kBlockRounds); ++i) {
-      char& state = active[static_cast<std::size_t>(i)];
-      const bool wrong = state ? p(i) < 0 : gap(i) < -gap_slack;
-      if (wrong) state = !state, changed = true;
+      const bool wrong = active(i) ? p(i) < 0 : gap(i) < -gap_slack;
+      if (wrong) active(i) = !active(i), changed = true;
     }
     if (!changed) return p;
   }
