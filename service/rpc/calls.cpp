@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "service/scene/errors.h"
@@ -37,15 +38,23 @@ Calls::Ticket::~Ticket() {
   calls_->leave(id_);
 }
 
-void Calls::leave(std::uint64_t id) {
+void Calls::Ticket::give_place_back() {
+  const std::lock_guard lock(calls_->mutex_);
+  calls_->give_back(calls_->places_.at(id_));
+}
+
+void Calls::give_back(Place& place) {
   constexpr double kOfNew = 0.125;
+  if (!std::exchange(place.taken, false) || !place.begun) return;
+  const double held_s = std::chrono::duration<double>(Clock::now() - *place.begun).count();
+  double& mean_s = held_s_[static_cast<std::size_t>(place.kind)];
+  mean_s = mean_s > 0 ? mean_s + kOfNew * (held_s - mean_s) : held_s;
+}
+
+void Calls::leave(std::uint64_t id) {
   const std::lock_guard lock(mutex_);
   const auto place = places_.find(id);
-  if (const auto begun = place->second.begun) {
-    const double held_s = std::chrono::duration<double>(Clock::now() - *begun).count();
-    double& mean_s = held_s_[static_cast<std::size_t>(place->second.kind)];
-    mean_s = mean_s > 0 ? mean_s + kOfNew * (held_s - mean_s) : held_s;
-  }
+  give_back(place->second);
   places_.erase(place);
   left_.notify_all();
 }
@@ -136,8 +145,9 @@ std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served>
   }
   std::size_t same = 0, own = 0;
   for (const auto& [id, place] : places_) {
-    same += place.kind == kind;
-    own += place.kind == kind && !client.empty() && place.client == client;
+    if (place.kind != kind || !place.taken) continue;
+    ++same;
+    own += !client.empty() && place.client == client;
   }
   if (same >= most(kind)) {
     ++refused(kind, Refusal::kFull);

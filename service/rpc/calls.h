@@ -48,6 +48,9 @@ class Calls {
     Ticket(const Ticket&) = delete;
     Ticket& operator=(const Ticket&) = delete;
     std::uint64_t id() const { return id_; }
+    // Before the peer is told of the end, so that its next call finds the place free. The call is still
+    // looked after.
+    void give_place_back();
 
    private:
     friend class Calls;
@@ -110,7 +113,9 @@ class Calls {
     std::weak_ptr<Served> call;
     std::string client;
     std::optional<Clock::time_point> begun;  // none of one that was refused
+    bool taken = true;
   };
+  void give_back(Place&);
   void leave(std::uint64_t id);
   std::string again(CallKind, std::size_t places) const;
   void look_after_calls();

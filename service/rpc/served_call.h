@@ -54,7 +54,7 @@ class ServedCall : public Reactor, public Served {
   ServedCall(Core& core, grpc::CallbackServerContext* context, Method method)
       : calls_(core.calls),
         context_(context),
-        connection_(core.connections, *context, !std::is_same_v<Reactor, grpc::ServerUnaryReactor>),
+        connection_(core.connections, *context, !kUnary),
         caller_(core.access),
         spans_(core.spans.get()),
         method_(method),
@@ -134,6 +134,7 @@ class ServedCall : public Reactor, public Served {
   const TraceContext trace_;
 
  private:
+  static constexpr bool kUnary = std::is_same_v<Reactor, grpc::ServerUnaryReactor>;
   void OnCancel() final { end(grpc::Status::CANCELLED); }
   void OnDone() final {
     const InTrace here(trace_.trace);
@@ -175,7 +176,11 @@ class ServedCall : public Reactor, public Served {
     }
   }
   void finish_if(bool due) {
-    if (due) this->Finish(life_.status());  // here alone; OnDone may follow at once
+    if (!due) return;
+    const grpc::Status status = life_.status();
+    // The status that ends a unary call well carries its answer, which the place is for.
+    if (ticket_ && !(status.ok() && kUnary)) ticket_->give_place_back();
+    this->Finish(status);  // here alone; OnDone may follow at once
   }
   void cut() {
     const std::lock_guard lock(cutting_);
