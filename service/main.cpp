@@ -1,5 +1,4 @@
 // teletact-service: the solver service on a compute node.
-#include <fmt/format.h>
 #include <grpc/support/log.h>
 #include <malloc.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -243,17 +242,6 @@ void add_serve(CLI::App& app, ServeOptions& o) {
       "--access", o.server.listen.access,
       "TOML file: who may do what, by token or certificate; without it whoever can connect may "
       "do everything");
-  command->add_option(
-      "--spans-file", o.server.spans.file,
-      "file for what calls and answers that took long did, as OTLP/JSON, one a line; without it none is "
-      "written");
-  command->add_option(
-      "--slow-call-s", o.server.spans.slow_call_s,
-      fmt::format("a call that took longer is written there; default {} s", Spans::kSlowCallS));
-  command->add_option(
-      "--slow-answer-s", o.server.spans.slow_answer_s,
-      fmt::format("so an answer of a touch that was later, beside the period of its stream; default {} s",
-                  Spans::kSlowAnswerS));
   command->add_option("--log-level", o.log_level, "trace, debug, info, warn, error or off")
       ->capture_default_str();
   command->callback([command, &o] { serve(*command, o); });

@@ -64,15 +64,6 @@ void add_calls(Core& core, Families& out) {
       out.add(static_cast<double>(times), {{"kind", kKinds[k]}, {"code", name_of(code)}});
 }
 
-void add_spans(Core& core, Families& out) {
-  out.begin("teletact_spans_written_total", "Spans of slow calls and answers in the file of --spans-file",
-            MetricType::Counter);
-  out.add(core.spans ? static_cast<double>(core.spans->written()) : 0);
-  out.begin("teletact_spans_dropped_total", "Those that it has not: too many at once, or a full disk",
-            MetricType::Counter);
-  out.add(core.spans ? static_cast<double>(core.spans->dropped()) : 0);
-}
-
 void add_memory(Core& core, Families& out) {
   out.begin("teletact_memory_bytes", "What is held, by place and kind");
   for (const MemoryUse& use : core.memory->uses())
@@ -147,7 +138,6 @@ HttpListener::Answer answer(Core& core, const std::string& path) {
 std::string metrics_text(Core& core) {
   Families out(core.metrics.collect());
   add_calls(core, out);
-  add_spans(core, out);
   add_memory(core, out);
   out.begin("teletact_scenes", "Scenes");
   out.add(static_cast<double>(core.scenes.list().size()));

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <map>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <variant>
@@ -74,12 +73,6 @@ const char* set(bool& option, const toml::node& node, bool take) {
   return nullptr;
 }
 
-const char* set(std::optional<double>& option, const toml::node& node, bool take) {
-  if (!node.is_number()) return " must be a number";
-  if (take) option = number_from(node);
-  return nullptr;
-}
-
 template <class Text>  // std::string, or a path
 const char* set(Text& option, const toml::node& node, bool take) {
   if (!node.is_string()) return " must be a string";
@@ -92,7 +85,7 @@ const char* set(Text& option, const toml::node& node, bool take) {
 void read_configuration(const std::function<bool(const std::string& flag)>& given, ServeOptions& options) {
   if (options.config.empty()) return;
   using Path = std::filesystem::path;
-  const std::map<std::string, std::variant<std::string*, Path*, bool*, std::optional<double>*>> keys{
+  const std::map<std::string, std::variant<std::string*, Path*, bool*>> keys{
       {"listen", &options.server.listen.listen},
       {"admin", &options.admin},
       {"state", &options.server.state_directory},
@@ -102,9 +95,6 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
       {"tls_client_ca", &options.server.listen.tls_client_ca},
       {"access", &options.server.listen.access},
       {"log_level", &options.log_level},
-      {"spans_file", &options.server.spans.file},
-      {"slow_call_s", &options.server.spans.slow_call_s},
-      {"slow_answer_s", &options.server.spans.slow_answer_s},
       {"standby", &options.server.standby},
       {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
   for (const auto& [key, node] : parsed(options.config)) {

@@ -4,6 +4,7 @@
 #include <grpc/grpc_security_constants.h>
 #include <grpcpp/security/auth_metadata_processor.h>
 
+#include <iterator>
 #include <string>
 #include <utility>
 
@@ -68,6 +69,12 @@ std::shared_ptr<grpc::ServerCredentials> clear_credentials() {
 
 void count_headers(grpc::ServerCredentials& credentials, Connections& connections) {
   credentials.SetAuthMetadataProcessor(std::make_shared<CountHeaders>(connections));
+}
+
+std::optional<std::string_view> traceparent_in(const grpc::ServerContextBase& context) {
+  const auto [begin, end] = context.client_metadata().equal_range("traceparent");
+  if (begin == end || std::next(begin) != end) return std::nullopt;
+  return std::string_view(begin->second.data(), begin->second.size());
 }
 
 }  // namespace teletact::service

@@ -4,8 +4,11 @@
 
 #include <grpcpp/security/auth_context.h>
 #include <grpcpp/security/server_credentials.h>
+#include <grpcpp/server_context.h>
 
 #include <memory>
+#include <optional>
+#include <string_view>
 
 #include "service/rpc/connections.h"
 
@@ -19,5 +22,9 @@ std::shared_ptr<grpc::ServerCredentials> clear_credentials();
 
 // Each call of these credentials is told to `connections`, which live longer.
 void count_headers(grpc::ServerCredentials&, Connections& connections);
+
+// What the caller says in the metadata "traceparent"; none of one that says it twice. Valid as long as the
+// context.
+std::optional<std::string_view> traceparent_in(const grpc::ServerContextBase&);
 
 }  // namespace teletact::service

@@ -19,7 +19,7 @@
 #include "service/rpc/metrics.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_workers.h"
-#include "service/trace/spans.h"
+#include "service/trace/slow_log.h"
 
 namespace teletact::service {
 
@@ -30,6 +30,11 @@ inline std::uint64_t least_memory_bytes(const std::vector<std::shared_ptr<Device
   return least;
 }
 
+// What takes longer is told of in the log, by one line of calls and one of answers a pace.
+struct SlowTimes {
+  std::chrono::milliseconds call{1000}, answer{50}, pace{1000};
+};
+
 struct Core {
   std::deque<CurrentDevice> devices;
   CurrentDevice& device = devices.front();  // that touch uses
@@ -39,7 +44,7 @@ struct Core {
   const std::shared_ptr<MemoryBudget> memory;
   const std::shared_ptr<const TouchModels> models;
   const std::shared_ptr<const Access> access;  // null: whoever calls may do everything
-  const std::unique_ptr<Spans> spans;          // null: nobody asked for them
+  SlowLog slow_calls, slow_answers;            // of a touch: beside the period of its stream
   Metrics metrics;
   Connections connections;  // none of a Unix socket
   Calls calls;
@@ -52,15 +57,15 @@ struct Core {
        const std::filesystem::path& state_directory, const Limits& asked_for,
        std::shared_ptr<const TouchModels> models_, std::function<std::shared_ptr<Device>(std::size_t)> reopen,
        std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr,
-       bool standby = false, std::unique_ptr<Spans> spans_ = nullptr,
-       const ConnectionLimits& connections_ = {})
+       bool standby = false, SlowTimes slow = {}, const ConnectionLimits& connections_ = {})
       : devices(devices_.begin(), devices_.end()),
         limits(resolved(asked_for, host_memory_bytes(), least_memory_bytes(devices_))),
         instance(instance_),
         memory(std::make_shared<MemoryBudget>(limits, devices.size())),
         models(std::move(models_)),
         access(std::move(access_)),
-        spans(std::move(spans_)),
+        slow_calls("slow_call", slow.call, slow.pace),
+        slow_answers("slow_answer", slow.answer, slow.pace),
         connections(connections_),
         calls(limits),
         scenes(state_directory, limits, machine_files(), memory, models, standby),

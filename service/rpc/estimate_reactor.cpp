@@ -181,12 +181,12 @@ void EstimateReactor::over(const char* stage) {
   over_.emplace_back(stage, Clock::now());
 }
 
-std::vector<Span::Stage> EstimateReactor::stages() const {
+std::vector<StageTime> EstimateReactor::stages() const {
   const std::lock_guard lock(mutex_);
-  std::vector<Span::Stage> stages;
+  std::vector<StageTime> stages;
   Clock::time_point begin = opened_;
   for (const auto& [name, end] : over_) {
-    stages.push_back({name, begin, end});
+    stages.push_back({name, end - begin});
     begin = end;
   }
   return stages;

@@ -28,7 +28,7 @@ class EstimateReactor final
   void tick(Clock::time_point now) override;
   void ended() override;
   void closed() override;
-  std::vector<Span::Stage> stages() const override;
+  std::vector<StageTime> stages() const override;
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
 

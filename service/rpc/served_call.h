@@ -5,6 +5,7 @@
 // nothing is deleted under anybody's feet and no lock is held while gRPC is called.
 #pragma once
 
+#include <fmt/format.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
@@ -17,16 +18,22 @@
 #include <vector>
 
 #include "service/rpc/allowance.h"
+#include "service/rpc/call_headers.h"
 #include "service/rpc/call_life.h"
 #include "service/rpc/call_of_connection.h"
 #include "service/rpc/caller.h"
 #include "service/rpc/calls.h"
 #include "service/rpc/core.h"
 #include "service/rpc/status.h"
-#include "service/rpc/trace.h"
 #include "service/scene/errors.h"
+#include "service/trace/current_trace.h"
+#include "service/trace/slow_log.h"
 
 namespace teletact::service {
+
+struct Method {
+  const char *service, *name;  // "teletact.v1.Palpation", "Touch"
+};
 
 // `Reactor`: grpc::ServerBidiReactor<...> or grpc::ServerUnaryReactor.
 template <class Reactor>
@@ -56,9 +63,9 @@ class ServedCall : public Reactor, public Served {
         context_(context),
         connection_(core.connections, *context, !kUnary),
         caller_(core.access),
-        spans_(core.spans.get()),
+        slow_calls_(core.slow_calls),
         method_(method),
-        trace_(trace_context_of(traceparent_in(*context))) {}
+        trace_(trace_of(traceparent_in(*context))) {}
 
   // The reactor for gRPC. One that is refused its place is told so and runs no further. `client` as
   // enter()'s.
@@ -81,15 +88,15 @@ class ServedCall : public Reactor, public Served {
   virtual void ended() {}                  // at end(), by whom ever; may be called more than once
   virtual void closed() {}                 // gRPC is done; the place is still taken
   virtual Clock::duration patience() const { return kEndTaken; }
-  // gRPC is done with it: whether it took long, and what is known of where.
-  virtual bool slow(Clock::duration lasted) const { return spans_->slow_call(lasted); }
-  virtual std::vector<Span::Stage> stages() const { return {}; }
+  // gRPC is done with it: whether it took too long, and what is known of where.
+  virtual bool slow(Clock::duration lasted) const { return slow_calls_.too_long(lasted); }
+  virtual std::vector<StageTime> stages() const { return {}; }
 
   // Runs `work` unless the call has ended; it is not done before `work` is. What it throws ends the call.
   template <class Work>
   void during(Work&& work) {
     if (!life_.begin()) return;
-    const InTrace here(trace_.trace);
+    const InTrace here(trace_);
     const grpc::Status worked = guarded([&] {
       work();
       return grpc::Status::OK;
@@ -129,16 +136,13 @@ class ServedCall : public Reactor, public Served {
   grpc::CallbackServerContext* const context_;
   CallOfConnection connection_;
   Caller caller_;
-  Spans* const spans_;  // null: nobody asked for them
-  const Method method_;
-  const TraceContext trace_;
 
  private:
   static constexpr bool kUnary = std::is_same_v<Reactor, grpc::ServerUnaryReactor>;
   void OnCancel() final { end(grpc::Status::CANCELLED); }
   void OnDone() final {
-    const InTrace here(trace_.trace);
-    tell_span();
+    const InTrace here(trace_);
+    tell_if_slow();
     closed();
     {
       const std::lock_guard lock(cutting_);
@@ -153,15 +157,14 @@ class ServedCall : public Reactor, public Served {
     ticket_.reset();
     const auto last = std::move(self_);
   }
-  void tell_span() {
+  void tell_if_slow() {
     const auto now = Clock::now();
-    if (!spans_ || !slow(now - since_)) return;
-    spans_->tell([&] {
-      const grpc::Status status = life_.status();
-      Span span{trace_, "",  Span::Call{method_, status.error_code(), error_of_service(status)},
-                since_, now, stages()};
-      if (const auto ended_at = life_.ended_at()) span.stages.push_back({"taken", *ended_at, now});
-      return span;
+    if (!slow(now - since_)) return;
+    slow_calls_.tell(now, [&] {
+      std::vector<StageTime> all = stages();
+      if (const auto ended_at = life_.ended_at()) all.push_back({"taken", now - *ended_at});
+      return fmt::format("method={}/{} code={} {}", method_.service, method_.name,
+                         static_cast<int>(life_.status().error_code()), key_values(now - since_, all));
     });
   }
   // What it throws of access is counted and logged.
@@ -187,6 +190,9 @@ class ServedCall : public Reactor, public Served {
     if (!done_) context_->TryCancel();
   }
 
+  SlowLog& slow_calls_;
+  const Method method_;
+  const TraceId trace_;
   const Clock::time_point since_ = Clock::now();
   CallLife life_;
   CallKind kind_{};

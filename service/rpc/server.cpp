@@ -81,11 +81,9 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   auto access = options.listen.access.empty()
                     ? nullptr
                     : std::make_shared<const Access>(options.listen.access, options.now, options.access_look);
-  const std::uint64_t instance = random_instance();
-  auto spans = Spans::make(options.spans, {TELETACT_VERSION, hex(instance)});
   core_ = std::make_unique<Core>(
-      devices, instance, options.state_directory, options.limits, options.models, options.reopen,
-      [this](bool work) { tell_devices(work); }, std::move(access), options.standby, std::move(spans),
+      devices, random_instance(), options.state_directory, options.limits, options.models, options.reopen,
+      [this](bool work) { tell_devices(work); }, std::move(access), options.standby, options.slow,
       options.connections);
   elastography_ = std::make_unique<ElastographyService>(*core_);
   info_ = std::make_unique<InfoService>(*core_);

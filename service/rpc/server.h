@@ -14,7 +14,6 @@
 #include "service/rpc/address.h"
 #include "service/rpc/core.h"
 #include "service/rpc/free_memory.h"
-#include "service/trace/spans.h"
 
 namespace teletact::service {
 
@@ -33,7 +32,7 @@ struct ServerOptions {
   Limits limits;
   ConnectionLimits connections;
   std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
-  SpansOptions spans;
+  SlowTimes slow;
   Access::Now now = WallClock::now;  // by which access expires
   std::chrono::milliseconds access_look = FileWatch::kLook;
 };
@@ -41,7 +40,7 @@ struct ServerOptions {
 class Server {
  public:
   // Listens, with health NOT_SERVING. Throws std::runtime_error (one line) for an address, a file of TLS,
-  // of access or of spans, or a state folder that cannot be used. `devices`: at least one, by their numbers.
+  // or of access, or a state folder that cannot be used. `devices`: at least one, by their numbers.
   Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions&);
   ~Server();  // drains
   // compile_steps() that make_ready() takes with double precision, on PoCL.

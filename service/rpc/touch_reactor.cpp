@@ -1,5 +1,6 @@
 #include "service/rpc/touch_reactor.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <stdexcept>
@@ -67,6 +68,7 @@ void TouchReactor::check() const {
 }
 
 void TouchReactor::tick(Clock::time_point now) {
+  tell_of_slow(now);
   ServedStream::tick(now);
   if (opened_)
     stream_->require_poses(now);
@@ -160,18 +162,26 @@ void TouchReactor::say(const TouchStream::Answered& answered) {
   stamp_to(monotonic_ns(), core_.instance, answer->mutable_answer_stamp());
   if (!write(response_)) return;
   core_.metrics.answer(answered);
-  tell_if_slow(answered);
+  note_if_slow(answered);
 }
 
-// A child of the stream, which is then told of at its end.
-void TouchReactor::tell_if_slow(const TouchStream::Answered& answered) {
-  const auto took = answered.queued + answered.computing;
-  if (!spans_ || !spans_->slow_answer(took - answered.period)) return;
-  told_ = true;
-  spans_->tell([&] {
-    const auto now = Clock::now(), begun = now - took, turn = begun + answered.queued;
-    return Span{{trace_.trace, new_span_id(), trace_.span},        "touch answer", {}, begun, now,
-                {{"queued", begun, turn}, {"computed", turn, now}}};
+void TouchReactor::note_if_slow(const TouchStream::Answered& answered) {
+  if (!core_.slow_answers.too_long(answered.queued + answered.computing - answered.period)) return;
+  const std::lock_guard lock(slow_mutex_);
+  if (slow_.put({answered.queued, answered.computing})) core_.slow_answers.leave_out();
+}
+
+void TouchReactor::tell_of_slow(Clock::time_point now) {
+  std::optional<Slow> slow;
+  {
+    const std::lock_guard lock(slow_mutex_);
+    slow = slow_.take();
+  }
+  if (!slow) return;
+  core_.slow_answers.tell(now, [&] {
+    return fmt::format(
+        "stream={} {}", id(),
+        key_values(slow->queued + slow->computed, {{"queued", slow->queued}, {"computed", slow->computed}}));
   });
 }
 
@@ -182,6 +192,7 @@ void TouchReactor::say(const LawPiece& piece) {
 
 void TouchReactor::closed() {
   if (!stream_) return;
+  tell_of_slow(Clock::now());
   const auto [poses, replaced, answers] = stream_->counts();
   spdlog::info(
       "event=touch_closed stream={} session=\"{}\" scene={} poses={} poses_replaced={} answers={} code={}",

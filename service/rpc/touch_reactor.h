@@ -3,11 +3,13 @@
 
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
 #include "service/rpc/core.h"
 #include "service/rpc/served_call.h"
+#include "service/touch_plane/mailbox.h"
 #include "service/touch_plane/touch_stream.h"
 #include "service/touch_plane/touch_workers.h"
 #include "teletact/v1/palpation.pb.h"
@@ -29,7 +31,6 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   void written() override;
   void ended() override;
   void closed() override;
-  bool slow(Clock::duration) const override { return told_; }
   Done turn(Clock::duration period) override;
   void left() override { release(); }  // OnDone may follow at once
 
@@ -39,7 +40,8 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   void say(const TouchStream::Opened&);
   void say(const TouchStream::Answered&);
   void say(const LawPiece&);
-  void tell_if_slow(const TouchStream::Answered&);
+  void note_if_slow(const TouchStream::Answered&);
+  void tell_of_slow(Clock::time_point now);
 
   Core& core_;
   const Clock::time_point begun_ = Clock::now();
@@ -48,8 +50,14 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
   std::atomic<bool> opened_{false};  // stream_ is there
 
   TouchWorkers::Id turns_ = 0;
-  bool told_ = false;           // of a slow answer; of whose turn it is
   v1::TouchResponse response_;  // of whose turn it is; not touched while a write is under way
+
+  // A slow answer, told by the thread that looks after calls: who answers does not wait for the log.
+  struct Slow {
+    Clock::duration queued, computed;
+  };
+  std::mutex slow_mutex_;
+  Mailbox<Slow> slow_;
 };
 
 }  // namespace teletact::service

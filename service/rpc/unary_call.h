@@ -50,7 +50,7 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
     during([&] {
       const auto begun = Clock::now();
       work();
-      answered_ = Span::Stage{"answer", begun, Clock::now()};
+      answered_ = StageTime{"answer", Clock::now() - begun};
       // A slow link is no reason to cut an answer that is being taken: 1 MiB/s is enough.
       const double more_s = static_cast<double>(response.ByteSizeLong()) / (1 << 20);
       patience_ = seconds(core_.limits.answer_taken_s + more_s);
@@ -93,15 +93,15 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
     if (drop) drop();
   }
   Clock::duration patience() const override { return patience_.load(); }
-  std::vector<Span::Stage> stages() const override {
-    return answered_ ? std::vector{*answered_} : std::vector<Span::Stage>{};
+  std::vector<StageTime> stages() const override {
+    return answered_ ? std::vector{*answered_} : std::vector<StageTime>{};
   }
 
   Core& core_;
   const Wanted wanted_;
   Charge held_;
   Begin begin_;
-  std::optional<Span::Stage> answered_;  // the response was filled
+  std::optional<StageTime> answered_;  // the response was filled
   std::atomic<Clock::duration> patience_{kEndTaken};
   std::mutex dropping_;
   std::function<void()> drop_;

@@ -25,7 +25,7 @@ std::optional<std::uint64_t> from_hex(std::string_view digits) {
 }
 
 // version-trace-parent-flags; a later version may have more behind another dash.
-std::optional<TraceContext> read(std::string_view text) {
+std::optional<TraceId> read(std::string_view text) {
   constexpr std::size_t kVersion = 0, kTrace = 3, kParent = 36, kFlags = 53, kLength = 55;
   constexpr std::uint64_t kNoVersion = 0xff;
   if (text.size() < kLength || text[kTrace - 1] != '-' || text[kParent - 1] != '-' || text[kFlags - 1] != '-')
@@ -35,9 +35,19 @@ std::optional<TraceContext> read(std::string_view text) {
   const auto parent = from_hex(text.substr(kParent, 16));
   if (!version || !flags || !high || !low || !parent || *version == kNoVersion) return std::nullopt;
   if (text.size() > kLength && (*version == 0 || text[kLength] != '-')) return std::nullopt;
-  const TraceContext context{{*high, *low}, 0, *parent};
-  if (!context.trace || context.parent == 0) return std::nullopt;
-  return context;
+  const TraceId trace{*high, *low};
+  if (!trace || *parent == 0) return std::nullopt;
+  return trace;
+}
+
+// splitmix64: each number once.
+std::uint64_t new_number() {
+  constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15;
+  static std::atomic<std::uint64_t> state{random_seed()};
+  std::uint64_t z = state.fetch_add(kStep, std::memory_order_relaxed) + kStep;
+  z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
+  z = (z ^ z >> 27) * 0x94d049bb133111eb;
+  return z ^ z >> 31;
 }
 
 }  // namespace
@@ -46,27 +56,11 @@ std::string hex(const TraceId& id) {
   return fmt::format("{:016x}{:016x}", id.high, id.low);
 }
 
-std::string hex(SpanId id) {
-  return fmt::format("{:016x}", id);
-}
-
-// splitmix64: each number once.
-SpanId new_span_id() {
-  constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15;
-  static std::atomic<std::uint64_t> state{random_seed()};
-  std::uint64_t z = state.fetch_add(kStep, std::memory_order_relaxed) + kStep;
-  z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9;
-  z = (z ^ z >> 27) * 0x94d049bb133111eb;
-  z ^= z >> 31;
-  return z != 0 ? z : new_span_id();
-}
-
-TraceContext trace_context_of(std::optional<std::string_view> traceparent) {
-  TraceContext context;
-  if (traceparent) context = read(*traceparent).value_or(context);
-  if (!context.trace) context.trace = {new_span_id(), new_span_id()};
-  context.span = new_span_id();
-  return context;
+// Of two numbers in a row one at most is 0.
+TraceId trace_of(std::optional<std::string_view> traceparent) {
+  if (traceparent)
+    if (const auto given = read(*traceparent)) return *given;
+  return {new_number(), new_number()};
 }
 
 }  // namespace teletact::service

@@ -8,8 +8,8 @@
 #include <limits>
 #include <numeric>
 
+#include "tests/files/short_disk.h"
 #include "tests/files/temporary_folder.h"
-#include "tests/trace/short_disk.h"
 
 namespace teletact::client {
 namespace {
@@ -157,7 +157,7 @@ TEST(MetaImage, FullDiskKeepsTheFileThatWasThere) {
   const std::vector<float> former{1, 2, 3, 4}, larger(1 << 14);
   write_metaimage(path, MetaImage::of<float>({2, 2}, {}, {}, former));
   {
-    const service::ShortDisk disk(4096);
+    const ShortDisk disk(4096);
     EXPECT_THROW(write_metaimage(path, MetaImage::of<float>({1 << 7, 1 << 7}, {}, {}, larger)), FileError);
   }
   EXPECT_EQ(read_metaimage(path).as<float>(), former);

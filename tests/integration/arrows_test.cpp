@@ -93,7 +93,7 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
                 {"plan", "scene", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device",
                  "trace", "limits"}},
                {"touch_plane", {"plan", "scene", "contact", "tissue", "solver", "device", "limits"}},
-               {"trace", {"limits"}},
+               {"trace", {}},
                {"rpc",
                 {"access", "trace", "imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking",
                  "contact", "tissue", "solver", "device", "limits"}},

@@ -78,11 +78,6 @@ TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
   refused("device = []\n", "device is an empty list");
   refused("device = [\"0\", \"0\"]\n", "is chosen already");
   refused("most_scenes = 3\n", "unknown key \"most_scenes\"");
-  refused("slow_call_s = 1\n", "--slow-call-s: slow ones are written to --spans-file; give that, too");
-  refused("slow_call_s = \"1\"\n", "slow_call_s must be a number");
-  refused("spans_file = 1\n", "spans_file must be a string");
-  refused("spans_file = \"spans\"\nslow_answer_s = nan\n", "--slow-answer-s: nan is not within [0, 3600]");
-  refused("spans_file = \"/dev/null\"\n", "--spans-file /dev/null: it is no file");
 }
 
 }  // namespace

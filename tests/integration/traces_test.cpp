@@ -1,10 +1,7 @@
-// The service as a process: its log and its file of spans say what belongs together, and a signal loses
-// neither.
+// The service as a process: the lines of its log say what belongs together.
 #include <gtest/gtest.h>
 
 #include <csignal>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 
@@ -28,11 +25,10 @@ bool create(const std::string& address, const std::string& scene_id) {
 }
 
 // The scene is made by one thread and kept by another.
-TEST(Traces, LinesOfTheLogAndSpansOfACallHaveItsTrace) {
+TEST(Traces, LinesOfTheLogOfACallHaveItsTrace) {
   const test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s");
-  test::Process service({test::service_binary(), "serve", "--listen", address, "--state", folder / "state",
-                         "--spans-file", folder / "spans", "--slow-call-s", "0"},
+  test::Process service({test::service_binary(), "serve", "--listen", address, "--state", folder / "state"},
                         folder / "log");
   ASSERT_TRUE(service.says("serving on", 300)) << service.output();
   ASSERT_TRUE(create(address, "s"));
@@ -47,18 +43,6 @@ TEST(Traces, LinesOfTheLogAndSpansOfACallHaveItsTrace) {
     EXPECT_EQ(line.ends_with(" trace=" + kTrace), of_the_call) << line;
   }
   EXPECT_GT(lines, 0U) << service.output();
-  std::ifstream spans(folder / "spans");
-  std::string line;
-  ASSERT_TRUE(std::getline(spans, line)) << "what waited is written at the end";
-  EXPECT_EQ(nlohmann::json::parse(line)
-                .at("resourceSpans")
-                .at(0)
-                .at("scopeSpans")
-                .at(0)
-                .at("spans")
-                .at(0)
-                .at("traceId"),
-            kTrace);
 }
 
 }  // namespace

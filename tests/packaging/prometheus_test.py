@@ -125,8 +125,7 @@ def main():
     variables = {one["name"]: one for one in dashboard["templating"]["list"]}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with Process(folder / "service.log", build / "service/teletact-service", "serve", "--listen", f"unix:{folder}/s", "--admin", "127.0.0.1:0",
-                     "--spans-file", folder / "spans", "--slow-call-s", "0") as service:
+        with Process(folder / "service.log", build / "service/teletact-service", "serve", "--listen", f"unix:{folder}/s", "--admin", "127.0.0.1:0") as service:
             admin = until("a service", lambda: service.says(r"metrics and health on (\S+)"), 600).group(1)
             (folder / "prometheus.yml").write_text(configuration(admin))
             listen = f"127.0.0.1:{free_port()}"

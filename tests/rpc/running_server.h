@@ -57,7 +57,7 @@ class RunningServer {
                          const Limits& limits = {},
                          std::shared_ptr<const TouchModels> models = plane_models(),
                          const std::vector<DeviceOptions>& devices = {}, bool standby = false,
-                         const SpansOptions& spans = {}, const ConnectionLimits& connections = {}) {
+                         const SlowTimes& slow = {}, const ConnectionLimits& connections = {}) {
     static int count = 0;
     folder_ = std::filesystem::temp_directory_path() /
               ("teletact-rpc-" + std::to_string(getpid()) + "-" + std::to_string(count++));
@@ -66,7 +66,7 @@ class RunningServer {
     options.listen.listen = listen.empty() ? "unix:" + (folder_ / "s").string() : listen;
     options.state_directory = state;
     options.standby = standby;
-    options.spans = spans;
+    options.slow = slow;
     options.reopen = [devices](std::size_t number) {
       return Device::open(devices.empty() ? DeviceOptions{} : devices.at(number));
     };

@@ -5,7 +5,7 @@
 
 #include <csignal>
 
-namespace teletact::service {
+namespace teletact::client {
 
 class ShortDisk {
  public:
@@ -27,4 +27,4 @@ class ShortDisk {
   void (*handler_)(int);
 };
 
-}  // namespace teletact::service
+}  // namespace teletact::client
