@@ -7,6 +7,7 @@ set(CPACK_COMPONENTS_ALL dev)
 if(TARGET teletact-service)
   list(APPEND CPACK_COMPONENTS_ALL service)
   install(TARGETS teletact-service RUNTIME COMPONENT service)
+  install(PROGRAMS packaging/teletact-credentials TYPE BIN COMPONENT service)
   install(FILES packaging/systemd/teletact.service DESTINATION lib/systemd/system COMPONENT service)
   install(DIRECTORY packaging/systemd/teletact@.service.d DESTINATION ${documents}/teletact-service/examples/systemd COMPONENT service)
   install(DIRECTORY packaging/haproxy packaging/prometheus packaging/slurm DESTINATION ${documents}/teletact-service/examples COMPONENT service)
@@ -58,7 +59,7 @@ set(CPACK_COMPONENT_SERVICE_DESCRIPTION "touch of tissue from afar: the solver s
 Turns ultrasound RF into stiffness on OpenCL, builds finite-element models,
 and answers how they push back on a fingertip, over gRPC.")
 set(CPACK_DEBIAN_SERVICE_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_SERVICE_PACKAGE_DEPENDS "pocl-opencl-icd | opencl-icd")
+set(CPACK_DEBIAN_SERVICE_PACKAGE_DEPENDS "pocl-opencl-icd | opencl-icd, openssl")
 set(CPACK_DEBIAN_SERVICE_PACKAGE_CONTROL_EXTRA
   ${PROJECT_SOURCE_DIR}/packaging/debian/postinst ${PROJECT_SOURCE_DIR}/packaging/debian/prerm)
 

@@ -21,7 +21,6 @@
 #include <thread>
 #include <vector>
 
-#include "service/access/trial_set.h"
 #include "service/admin/admin.h"
 #include "service/configuration/configuration.h"
 #include "service/device/device.h"
@@ -255,36 +254,6 @@ void add_kernels(CLI::App& app, ServeOptions& o) {
   command->callback([&o] { compile_kernels(o); });
 }
 
-// Certificates and tokens for a trial.
-void add_credentials(CLI::App& app) {
-  struct Wishes {
-    std::filesystem::path out;
-    std::string host = "localhost";
-    unsigned days = 365;
-  };
-  const auto wishes = std::make_shared<Wishes>();
-  CLI::App* command =
-      app.add_subcommand("credentials", "Make certificates and tokens of each role for a trial installation");
-  command->add_option("--out", wishes->out, "a new folder for them")->required();
-  command->add_option("--host", wishes->host, "name or address that clients connect to, beside localhost")
-      ->capture_default_str();
-  command->add_option("--days", wishes->days, "how long they hold")
-      ->check(CLI::Range(1, 3650))
-      ->capture_default_str();
-  command->callback([wishes] {
-    const auto end = WallClock::now() + std::chrono::hours(24) * wishes->days;
-    make_trial_set(wishes->out, wishes->host, std::chrono::time_point_cast<std::chrono::seconds>(end));
-    const std::string out = wishes->out.string();
-    std::printf(
-        "made in %s, for %u days; to try it:\n"
-        "  teletact-service serve --listen 0.0.0.0:50051 --tls-certificate %s/server.pem --tls-key "
-        "%s/server-key.pem --access %s/access.toml\n"
-        "  teletact-client scenes --service %s:50051 --tls-ca %s/ca.pem --token-file %s/observer.token\n",
-        out.c_str(), wishes->days, out.c_str(), out.c_str(), out.c_str(), wishes->host.c_str(), out.c_str(),
-        out.c_str());
-  });
-}
-
 }  // namespace
 
 // Seen from outside of the library that it is in for packages (CMakeLists.txt).
@@ -296,7 +265,6 @@ void add_credentials(CLI::App& app) {
   ServeOptions options;
   add_serve(app, options);
   add_kernels(app, options);
-  add_credentials(app);
   bool as_json = false;
   CLI::App* devices = app.add_subcommand("devices", "List the OpenCL devices");
   devices->add_flag("--json", as_json, "as JSON");

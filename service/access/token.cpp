@@ -1,7 +1,6 @@
 #include "service/access/token.h"
 
 #include <openssl/evp.h>
-#include <openssl/rand.h>
 
 #include <charconv>
 #include <stdexcept>
@@ -26,23 +25,6 @@ std::optional<Digest> digest_from(std::string_view hex) {
     if (read.ec != std::errc() || read.ptr != begin + 2) return std::nullopt;
   }
   return out;
-}
-
-std::string hex_of(const Digest& digest) {
-  constexpr char kDigits[] = "0123456789abcdef";
-  std::string out;
-  for (const unsigned char byte : digest) {
-    out += kDigits[byte >> 4];
-    out += kDigits[byte & 15];
-  }
-  return out;
-}
-
-std::string make_token() {
-  Digest random;
-  if (RAND_priv_bytes(random.data(), random.size()) != 1)
-    throw std::runtime_error("the system has no random numbers for a token");
-  return hex_of(random);
 }
 
 }  // namespace teletact::service

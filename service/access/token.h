@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <optional>
-#include <string>
 #include <string_view>
 
 namespace teletact::service {
@@ -15,10 +14,5 @@ using Digest = std::array<unsigned char, 32>;  // SHA-256
 Digest digest_of(std::string_view token);
 // 64 hexadecimal digits, of either case; else none.
 std::optional<Digest> digest_from(std::string_view hex);
-std::string hex_of(const Digest&);
-
-// 256 bits of the system's random source, as 64 hexadecimal digits. Throws std::runtime_error where it has
-// none.
-std::string make_token();
 
 }  // namespace teletact::service

@@ -40,6 +40,16 @@ class AccessFolder {
   std::filesystem::path path_;
 };
 
+inline std::string hex_of(const Digest& digest) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string out;
+  for (const unsigned char byte : digest) {
+    out += kDigits[byte >> 4];
+    out += kDigits[byte & 15];
+  }
+  return out;
+}
+
 // Of the role for every scene, known by the token "NAME-token" and by a certificate of its name.
 inline std::string entry_of(const std::string& name, const std::string& role, const std::string& more = "") {
   return "[[entry]]\nname = \"" + name + "\"\ntoken_sha256 = \"" + hex_of(digest_of(name + "-token")) +

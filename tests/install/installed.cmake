@@ -19,7 +19,7 @@ function(component_is name)
   endif()
 endfunction()
 
-component_is(service bin/teletact-service lib/systemd/system/teletact.service)
+component_is(service bin/teletact-credentials bin/teletact-service lib/systemd/system/teletact.service)
 component_is(client bin/teletact-client)
 file(GLOB devices RELATIVE ${FOLDER}/client/lib/teletact ${FOLDER}/client/lib/teletact/*)
 if(NOT devices STREQUAL "force_dimension.so;openhaptics.so;teletact-device-box")
@@ -31,6 +31,7 @@ component_is(dev include/teletact_device.h
   share/teletact/proto/teletact/v1/recording.proto)
 
 run(${FOLDER}/service/bin/teletact-service --version)
+run(${FOLDER}/service/bin/teletact-credentials --out ${FOLDER}/set)
 run(${FOLDER}/client/bin/teletact-client --version)
 # Two on a machine, as the guide says.
 set(units ${FOLDER}/service/lib/systemd/system)

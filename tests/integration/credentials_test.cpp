@@ -1,4 +1,4 @@
-// The trial set of `teletact-service credentials`, end to end: what it makes lets each role in, by token and
+// The trial set of packaging/teletact-credentials, end to end: what it makes lets each role in, by token and
 // by certificate, over TLS, and nobody else.
 #include <gtest/gtest.h>
 
@@ -16,14 +16,16 @@ class TrialSet : public testing::Test {
   static void SetUpTestSuite() {
     shared = new test::TemporaryFolder;
     const test::Outcome made =
-        test::run({test::service_binary(), "credentials", "--out", *shared / "set", "--host", "localhost"},
-                  *shared / "log");
+        test::run({script(), "--out", *shared / "set", "--host", "localhost"}, *shared / "log");
     ASSERT_EQ(made.code, 0) << made.output;
     for (const char* words :
          {"teletact-service serve", "--access ", "teletact-client scenes", "--token-file "})
       EXPECT_NE(made.output.find(words), std::string::npos) << words << "\n" << made.output;
   }
   static void TearDownTestSuite() { delete std::exchange(shared, nullptr); }
+  static std::string script() {
+    return test::required_environment("TELETACT_SOURCE_DIR") + "/packaging/teletact-credentials";
+  }
   std::unique_ptr<test::Process> serve(const std::vector<std::string>& more) {
     std::vector<std::string> command{test::service_binary(), "serve",    "--listen",
                                      "127.0.0.1:0",          "--access", set + "/access.toml"};
@@ -123,8 +125,7 @@ TEST_F(TrialSet, TokensAloneWillDoOnThisMachine) {
 }
 
 TEST_F(TrialSet, IsNotWrittenOverAndAccessThatIsWrongIsOneClearLine) {
-  expect_end(test::run({test::service_binary(), "credentials", "--out", set}, folder / "log"), 1,
-             {"--out", "new one"});
+  expect_end(test::run({script(), "--out", set}, folder / "log"), 1, {"--out", "new one"});
   const auto refused = [&](const std::vector<std::string>& more, const char* word,
                            const std::string& listen = "127.0.0.1:0") {
     const std::vector<std::string> command{test::service_binary(), "serve", "--listen", listen};

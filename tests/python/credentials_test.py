@@ -3,7 +3,7 @@
 import subprocess
 
 import pytest
-from conftest import BUILD, Process, short_folder
+from conftest import SOURCE, Process, short_folder
 
 import teletact
 
@@ -17,8 +17,7 @@ def test_files_without_an_end_are_refused(field):
 def test_roles_are_let_in_and_others_are_told_why(monkeypatch):
     with short_folder() as folder:
         made = f"{folder}/set"
-        subprocess.run([BUILD / "service" / "teletact-service", "credentials", "--out", made], check=True,
-                       capture_output=True)
+        subprocess.run([SOURCE / "packaging/teletact-credentials", "--out", made], check=True, capture_output=True)
         process = Process(folder, "--tls-certificate", f"{made}/server.pem", "--tls-key", f"{made}/server-key.pem",
                           "--access", f"{made}/access.toml")
         ca = f"{made}/ca.pem"

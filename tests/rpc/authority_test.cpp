@@ -304,9 +304,9 @@ INSTANTIATE_TEST_SUITE_P(Everywhere, Authority, testing::ValuesIn(kTransports), 
 
 TEST(MutualTls, WithoutACertificateOfTheAuthorityThereIsNoConnection) {
   GuardedServer server(Transport::kMutualTls, entries());
-  const Identity foreign = make_authority("foreign", GuardedServer::end());
+  const Identity foreign = make_authority("foreign");
   const Shown without{server.channel(), "administrator-token"},
-      wrong{server.channel(make_client(foreign, "administrator", GuardedServer::end()))};
+      wrong{server.channel(make_client(foreign, "administrator"))};
   for (const Shown& who : {without, wrong}) EXPECT_EQ(info(who).error_code(), StatusCode::UNAVAILABLE);
   EXPECT_TRUE(info(server.as("administrator")).ok());
   // A token that is shown counts, not the connection's certificate.

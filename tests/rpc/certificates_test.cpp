@@ -62,7 +62,7 @@ TEST(NewCertificate, IsShownToWhoComesAndRunningCallsGoOn) {
   GuardedServer server(Transport::kTls, kEntries);
   Watching watching({server.channel(), "root-token"});
   ASSERT_TRUE(watching.goes_on());
-  const Identity other = make_authority("other", GuardedServer::end());
+  const Identity other = make_authority("other");
   const auto by_other = [&] { return server.channel(Identity(), other.certificate); };
   EXPECT_EQ(asked({by_other(), "root-token"}), StatusCode::UNAVAILABLE) << "nobody has shown that one yet";
   server.put_certificate(&other);
@@ -75,8 +75,8 @@ TEST(NewClientAuthority, LetsItsClientsInAndTheFormersOut) {
   GuardedServer server(Transport::kMutualTls, kEntries);
   Watching watching(server.as("root"));
   ASSERT_TRUE(watching.goes_on());
-  const Identity other = make_authority("other", GuardedServer::end());
-  const Identity client = make_client(other, "root", GuardedServer::end());
+  const Identity other = make_authority("other");
+  const Identity client = make_client(other, "root");
   const auto of_other = [&] { return server.channel(client); };
   EXPECT_EQ(asked({of_other()}), StatusCode::UNAVAILABLE);
   server.put_client_authority(other);
@@ -97,8 +97,7 @@ TEST(ClientCertificate, EndsTheCallsThatItBegan) {
 
 TEST(TlsFiles, ThatDoNotFitAreRefusedAtTheStart) {
   AccessFolder folder;
-  const auto end = GuardedServer::end();
-  const Identity authority = make_authority("test", end), server = make_server(authority, {"localhost"}, end);
+  const Identity authority = make_authority("test"), server = make_server(authority);
   ListenOptions options;
   options.tls_certificate = folder.put("cert.pem", server.certificate);
   options.tls_key = folder.put("key.pem", server.key);
@@ -125,8 +124,7 @@ TEST(TlsFiles, ThatDoNotFitAreRefusedAtTheStart) {
 // What gRPC reads is a copy, of files alone that fit.
 TEST(TlsFiles, ThatArePipesDevicesOrDoNotFitForAWhileAreNotTakenAndTheNextOnesAre) {
   AccessFolder folder;
-  const auto end = GuardedServer::end();
-  const Identity authority = make_authority("test", end);
+  const Identity authority = make_authority("test");
   const auto text_of = [](const std::string& path) {
     std::ifstream in(path, std::ios::binary);
     return std::string{std::istreambuf_iterator<char>(in), {}};
@@ -139,7 +137,7 @@ TEST(TlsFiles, ThatArePipesDevicesOrDoNotFitForAWhileAreNotTakenAndTheNextOnesAr
   options.tls_certificate = folder / "cert.pem";
   options.tls_key = folder / "key.pem";
   options.tls_client_ca = folder.put("ca.pem", authority.certificate);
-  Identity serves = make_server(authority, {"localhost"}, end);
+  Identity serves = make_server(authority);
   put(serves);
   TlsFiles files(options, std::chrono::milliseconds(5));
   const auto comes = [](const auto& it) {
@@ -170,7 +168,7 @@ TEST(TlsFiles, ThatArePipesDevicesOrDoNotFitForAWhileAreNotTakenAndTheNextOnesAr
       EXPECT_EQ(text_of(files.certificate()), serves.certificate) << name << ", " << what;
       EXPECT_EQ(text_of(files.client_ca()), authority.certificate) << name << ", " << what;
       folder.put("ca.pem", authority.certificate);
-      serves = make_server(authority, {"localhost"}, end);
+      serves = make_server(authority);
       put(serves);
       EXPECT_TRUE(comes([&] { return text_of(files.certificate()) == serves.certificate; })) << name << what;
       EXPECT_EQ(text_of(files.key()), serves.key);

@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "service/access/certificates.h"
 #include "tests/access/access_folder.h"
+#include "tests/access/made_certificates.h"
 #include "tests/rpc/running_server.h"
 
 namespace teletact::service {
@@ -76,7 +76,7 @@ class GuardedServer {
   void let_pass(std::chrono::seconds time) { later_s_ += static_cast<int>(time.count()); }
   // A new certificate of the service, signed by another authority if so.
   void put_certificate(const Identity* authority = nullptr) {
-    const Identity made = make_server(authority ? *authority : authority_, {"localhost", "127.0.0.1"}, end());
+    const Identity made = make_server(authority ? *authority : authority_);
     folder_.put("server-key.pem", made.key);
     folder_.put("server.pem", made.certificate);
   }
@@ -85,7 +85,7 @@ class GuardedServer {
 
   // A connection of its own. `client`: shows a certificate of this name; empty: none.
   std::shared_ptr<grpc::Channel> channel(const std::string& client = "") const {
-    return client.empty() ? channel(Identity()) : channel(make_client(authority_, client, end()));
+    return client.empty() ? channel(Identity()) : channel(make_client(authority_, client));
   }
   std::shared_ptr<grpc::Channel> channel(const Identity& client, const std::string& trusted = "") const {
     grpc::ChannelArguments arguments;
@@ -100,13 +100,12 @@ class GuardedServer {
   Shown as(const std::string& name) const {
     return transport_ == Transport::kMutualTls ? Shown{channel(name)} : Shown{channel(), name + "-token"};
   }
-  static WallClock::time_point end() { return WallClock::now() + std::chrono::hours(24); }
 
  private:
   bool encrypted() const { return transport_ == Transport::kTls || transport_ == Transport::kMutualTls; }
   const Transport transport_;
   AccessFolder folder_;
-  const Identity authority_ = make_authority("test", end());
+  const Identity authority_ = make_authority("test");
   std::atomic<int> later_s_{0};
   std::unique_ptr<Server> server_;
 };
