@@ -1,6 +1,6 @@
-// Every limit of the service that a peer or an operator may meet, in one list. From it come the defaults,
-// what the configuration file may set ([limits] in TOML), and what GetInfo reports. What cannot be in nature
-// (nu >= 1/2, a negative stiffness) is no limit and stands with the checks.
+// Every limit of the service that a peer or an operator may meet, in one list: what GetInfo reports, and of
+// some what the configuration file may set ([limits] in TOML). What cannot be in nature (nu >= 1/2, a
+// negative stiffness) is no limit and stands with the checks.
 #pragma once
 
 #include <cstdint>
@@ -12,54 +12,61 @@
 namespace teletact::service {
 
 struct Limits {
-  // Memory. 0 means by the machine: see resolved().
-  std::uint64_t host_memory_bytes, device_memory_bytes;
-  double client_memory_share;
-  // What a scene may be.
-  std::uint64_t most_scenes, most_scene_elements, most_scene_columns, most_solid_elements, most_windows;
-  double least_scene_m, most_scene_width_m, most_scene_depth_m;
-  double least_thickness_m, most_thickness_m;
-  // What an acquisition may be.
-  std::uint64_t most_frame_bytes, most_chunk_bytes;
-  std::uint64_t least_samples, most_samples, least_lines, most_lines;
-  double least_center_frequency_hz, most_center_frequency_hz;
-  double least_sound_speed_m_s, most_sound_speed_m_s;
-  double least_line_pitch_m, most_line_pitch_m, most_window_width_m;
-  double most_first_sample_depth_m, least_tissue_depth_m, most_tissue_depth_m, most_tissue_width_m;
-  double least_probe_force_n, most_probe_force_n, least_probe_elevation_m, most_probe_elevation_m;
-  double least_max_strain, most_max_strain;
-  double least_modulus_time_s, most_modulus_time_s;
-  // What touch may ask for.
-  std::uint64_t most_credit;
-  double most_touch_rate_hz, least_touch_rate_hz, most_touch_period_s, most_finger_rate_hz,
-      most_observe_rate_hz;
-  double least_tip_m, most_tip_m;
+  // Memory. 0 means by the machine: see resolved(). The share is one client's part of either.
+  std::uint64_t host_memory_bytes = 0, device_memory_bytes = 0;
+  double client_memory_share = 0.1;
+  // What a scene may be. Columns are nodes along x: the work grows with their cube. The thickness is a
+  // contact's width out of the plane.
+  std::uint64_t most_scenes = 64, most_scene_elements = 65536, most_scene_columns = 513,
+                most_solid_elements = 400000, most_windows = 256;
+  double least_scene_m = 0.002, most_scene_width_m = 2, most_scene_depth_m = 0.3;
+  double least_thickness_m = 1e-4, most_thickness_m = 1;
+  // What an acquisition may be. The modulus' memory grows with the window's width. The probe's elevation is
+  // its contact area over that width.
+  std::uint64_t most_frame_bytes = 64 << 20, most_chunk_bytes = 1 << 20;
+  std::uint64_t least_samples = 64, most_samples = 16384, least_lines = 8, most_lines = 2048;
+  double least_center_frequency_hz = 1e5, most_center_frequency_hz = 1e8;
+  double least_sound_speed_m_s = 1000, most_sound_speed_m_s = 2500;
+  double least_line_pitch_m = 1e-5, most_line_pitch_m = 5e-3, most_window_width_m = 0.5;
+  double most_first_sample_depth_m = 0.3, least_tissue_depth_m = 1e-3, most_tissue_depth_m = 1,
+         most_tissue_width_m = 10;
+  double least_probe_force_n = 1e-6, most_probe_force_n = 1e4, least_probe_elevation_m = 1e-4,
+         most_probe_elevation_m = 0.5;
+  double least_max_strain = 1e-3, most_max_strain = 0.125;
+  double least_modulus_time_s = 1e-3, most_modulus_time_s = 60;
+  // What touch may ask for. The tissue of a window is fine as far as the largest tip reaches.
+  std::uint64_t most_credit = 256;
+  double most_touch_rate_hz = 1000, least_touch_rate_hz = 20, most_touch_period_s = 1,
+         most_finger_rate_hz = 100, most_observe_rate_hz = 60;
+  double least_tip_m = 1e-4, most_tip_m = 0.014;
   // Who is served at once, and for how long.
-  std::uint64_t most_touch_streams, most_watchers, most_observers, most_estimates, most_unary_calls,
-      most_full_scenes;
-  std::uint64_t touch_workers, most_threads;
-  double first_message_s, acknowledge_s, answer_taken_s, touch_idle_s;
-  double unready_s, move_s, drain_s;
-  double upload_idle_s, least_upload_s, least_upload_rate, most_finish_within_s;
-
-  Limits();  // the defaults
+  std::uint64_t most_touch_streams = 512, most_watchers = 64, most_observers = 64, most_estimates = 8,
+                most_unary_calls = 64, most_full_scenes = 4;
+  std::uint64_t touch_workers = 0, most_threads = 256;
+  // From opening a stream to its first message; that an answer waits to be acknowledged, or to be taken (a
+  // unary call's 1 s more for each MiB); silence that ends a touch.
+  double first_message_s = 10, acknowledge_s = 10, answer_taken_s = 10, touch_idle_s = 60;
+  // From the signal to stop: served on, but not ready, until proxies notice; for touches to go to the service
+  // that stood by; to end calls.
+  double unready_s = 0.25, move_s = 10, drain_s = 3;
+  // Silence that ends an upload; for a whole upload so long, and by that rate of both frames (B/s) beside it.
+  double upload_idle_s = 10, least_upload_s = 10, least_upload_rate = 1e6, most_finish_within_s = 3600;
 };
 
 // One line of the list.
 struct LimitRow {
   const char* name;  // as in the configuration and in GetInfo
   std::variant<std::uint64_t Limits::*, double Limits::*> member;
-  double usual;        // the default
-  const char* unit;    // "1" for counts
-  double least, most;  // what it may be set to
-  const char* meaning;
+  const char* unit;               // "1" for counts
+  double least = 0, most = 0;     // what it may be set to
+  const char* meaning = nullptr;  // null: it is a constant
   double value(const Limits&) const;
 };
 
 const std::vector<LimitRow>& limit_rows();
 
-// Sets a limit by its name. Throws std::invalid_argument, one line that names it: unknown, outside of its
-// range, not whole where it is a count.
+// Sets a limit by its name. Throws std::invalid_argument, one line that names it: unknown, a constant,
+// outside of its range, not whole where it is a count.
 void set_limit(Limits&, std::string_view name, double value);
 
 // Where nothing else was set: the memory budgets as bytes of this machine, a quarter of the host's memory and

@@ -75,7 +75,7 @@ TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
   // -> limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
   // others choose; access, who may do what, is rpc's; trace, whose call it is, goes with jobs, from rpc down
   // to scene.
-  expect_only({{"limits", {"plan"}},
+  expect_only({{"limits", {}},
                {"plan", {}},
                {"access", {"limits"}},
                {"device", {"limits"}},

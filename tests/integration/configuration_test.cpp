@@ -1,4 +1,5 @@
-// The configuration file: every limit is set by it, and what it may not say ends the service with one line.
+// The configuration file: it sets the limits that may be set, and what it may not say ends the service with
+// one line.
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
@@ -17,17 +18,18 @@ namespace {
 
 using test::TemporaryFolder;
 
-TEST(Configuration, EveryLimitIsSetByItAndReported) {
+TEST(Configuration, LimitsAreSetByItAndAllAreReported) {
   TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s");
   const auto wanted = [](const service::LimitRow& row) {
-    return row.most != row.usual ? row.most : row.least;
+    const double usual = row.value({});
+    return !row.meaning ? usual : row.most != usual ? row.most : row.least;
   };
   {
     std::ofstream file(folder / "c.toml");
     file << "listen = \"" << address << "\"\ndevice = [\"0\"]\n[limits]\n" << std::setprecision(17);
     for (const service::LimitRow& row : service::limit_rows())
-      file << row.name << " = " << wanted(row) << "\n";
+      if (row.meaning) file << row.name << " = " << wanted(row) << "\n";
   }
   test::Process service({test::service_binary(), "serve", "--config", folder / "c.toml"}, folder / "log");
   ASSERT_TRUE(service.says("serving on", 120)) << service.output();
@@ -71,7 +73,9 @@ TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
   refused("[limits]\nmost_spoons = 3\n", "limits.most_spoons");
   refused("[limits]\nmost_scenes = 0\n", "limits.most_scenes: 0 is not within [1, 4096]");
   refused("[limits]\nmost_scenes = 2.5\n", "limits.most_scenes");
-  refused("[limits]\nmost_max_strain = nan\n", "limits.most_max_strain");
+  refused("[limits]\nmove_s = nan\n", "limits.move_s: nan is not within");
+  refused("[limits]\nmost_max_strain = 0.1\n",
+          "limits.most_max_strain: it can no longer be set, and is 0.125; take the line out");
   refused("[limits]\nmost_scenes = \"many\"\n", "limits.most_scenes must be a number");
   refused("limits = 3\n", "limits must be a table");
   refused("device = [0]\n", "device must be a string, or a list of strings");
