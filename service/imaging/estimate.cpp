@@ -94,10 +94,10 @@ struct HostBytes {
 
 // Maps on the image grid, and meanwhile what they are read from the device as and the blocks of the direct
 // modulus (T3.2), which the iterative one starts from: four of ny^2 for each column of nodes, 1 mm apart.
-HostBytes host_bytes(const EstimateInput& in, const ElastographyOptions& options) {
+HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in, const ElastographyOptions& options) {
   constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMostRows = 200;
-  const double width_m = static_cast<double>(in.pre.line_count) * in.geometry.line_pitch_m,
-               depth_m = static_cast<double>(in.pre.sample_count) * in.geometry.sample_pitch_m();
+  const double width_m = static_cast<double>(frame.line_count) * in.geometry.line_pitch_m,
+               depth_m = static_cast<double>(frame.sample_count) * in.geometry.sample_pitch_m();
   const DisplacementOptions& o = options.displacement;
   const double nodes = (width_m / o.grid_dx_m + 2) * (depth_m / o.grid_dy_m + 2);
   const double rows = std::min(kMostRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
@@ -107,7 +107,7 @@ HostBytes host_bytes(const EstimateInput& in, const ElastographyOptions& options
   const double direct = in.tissue.plane == Plane::kSolid ? kOfElement * kBeside * columns * rows * kAcross
                         : method == ModulusKind::kReferenceStress ? 0
                                                                   : 4 * columns * rows * rows;
-  const std::uint64_t b_mode = in.b_mode ? BMode::kMostRows * in.pre.line_count : 0;
+  const std::uint64_t b_mode = in.b_mode ? BMode::kMostRows * frame.line_count : 0;
   return {static_cast<std::uint64_t>(nodes * (kMaps * sizeof(float) + 3)) + b_mode,
           static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
 }
@@ -125,22 +125,22 @@ void Elastography::warm() {
     const double width_m = static_cast<double>(lines) * geometry.line_pitch_m;
     const RfFrame pre = texture(samples, lines, 0), post = texture(samples, lines, 0.01);
     try {
-      estimate({pre, post, geometry, std::nullopt, {width_m, 0.040, 0, 0.49}}, {{}, [] { return false; }});
+      estimate(pre, post, {geometry, std::nullopt, {width_m, 0.040, 0, 0.49}}, {{}, [] { return false; }});
     } catch (const TrackingError&) {  // the texture need not be tissue: every kernel before has run
     }
   }
   queue_.finish();
 }
 
-void Elastography::judge_tracking(const EstimateInput& in, Estimate& e) {
+void Elastography::judge_tracking(const RfFrame& pre, const RfFrame& post,
+                                  const AcquisitionGeometry& geometry, Estimate& e) {
   e.median_correlation = median_correlation(e.correlation);
   if (e.median_correlation >= options_.least_median_correlation) return;
   const std::string found = fmt::format("pre, post: median correlation {:.2f} is below {:.2f}",
                                         e.median_correlation, options_.least_median_correlation);
   DisplacementOptions wider = options_.displacement;
   wider.max_strain = std::min(kLargestMaxStrain, kWiderSearch * wider.max_strain);
-  const DisplacementEstimate again =
-      DisplacementEstimator(queue_, wider).estimate(in.pre, in.post, in.geometry);
+  const DisplacementEstimate again = DisplacementEstimator(queue_, wider).estimate(pre, post, geometry);
   if (median_correlation(queue_.read(again.correlation)) >= options_.least_median_correlation)
     throw TrackingError(TrackingError::Reason::kBeyondSearch,
                         fmt::format("{}, but the pair can be tracked with max_strain {:.3g}: it is strained "
@@ -155,13 +155,14 @@ void Elastography::judge_tracking(const EstimateInput& in, Estimate& e) {
                   e.input_warnings.empty() ? "" : "; but first: " + e.input_warnings.front()));
 }
 
-DisplacementEstimate Elastography::track(const EstimateInput& in, Estimate& e) {
-  DisplacementEstimate displacement = displacement_.estimate(in.pre, in.post, in.geometry);
-  e.grid = image_grid(displacement.grid, in.geometry);
+DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post,
+                                         const AcquisitionGeometry& geometry, Estimate& e) {
+  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry);
+  e.grid = image_grid(displacement.grid, geometry);
   download(queue_, displacement, e);
-  if (auto text = contradicted_frequency(in.pre, in.geometry)) e.input_warnings.push_back(*text);
-  judge_tracking(in, e);
-  if (auto text = contradicted_frame(in.geometry, e.grid, e.axial_displacement, e.displacement_valid))
+  if (auto text = contradicted_frequency(pre, geometry)) e.input_warnings.push_back(*text);
+  judge_tracking(pre, post, geometry, e);
+  if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
     e.input_warnings.push_back(*text);
   if (displacement.unsolved)
     e.input_warnings.push_back(
@@ -195,39 +196,29 @@ void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice,
     const ModulusPlan plan = this->plan(input, choice, time(), reference);
     input.tolerance = plan.tolerance;
     if (reference) input.reference = &*reference;
-    e.modulus_why = plan.why;
-    ModulusEstimate modulus = modulus_.at(static_cast<std::size_t>(plan.kind))->estimate(input);
-    judge_->judge(input, modulus);
-    e.modulus_kind = modulus.kind;
-    e.modulus_converged = modulus.converged;
-    e.modulus_iterations = modulus.iterations;
-    e.modulus_start_s = modulus.start_s;
-    e.modulus_model = std::move(modulus.model);
-    e.modulus_warnings = std::move(modulus.warnings);
-    e.modulus_log_deviation = std::move(modulus.log_deviation);
-    e.modulus_correlation_m = modulus.correlation_m;
-    e.youngs_modulus = std::move(modulus.youngs_modulus);
-    e.modulus_absolute = modulus.absolute;
-    e.background_modulus = modulus.background;
-    e.mean_axial_strain = modulus.mean_axial_strain;
+    e.modulus = modulus_.at(static_cast<std::size_t>(plan.kind))->estimate(input);
+    e.modulus.why = plan.why;
+    judge_->judge(input, e.modulus);
   } catch (const NoCompression& refusal) {
     throw TrackingError(TrackingError::Reason::kNoCompression, std::string("pre, post: ") + refusal.what());
   }
   e.valid.resize(e.grid.size());
-  for (std::size_t n = 0; n < e.valid.size(); ++n) e.valid[n] = std::isfinite(e.youngs_modulus[n]) ? 1 : 0;
+  for (std::size_t n = 0; n < e.valid.size(); ++n)
+    e.valid[n] = std::isfinite(e.modulus.youngs_modulus[n]) ? 1 : 0;
   const auto valid = std::count(e.valid.begin(), e.valid.end(), std::uint8_t{1});
   e.valid_fraction = static_cast<double>(valid) / static_cast<double>(e.grid.size());
 }
 
-Estimate Elastography::estimate(const EstimateInput& in, const EstimateObserver& observer) {
+Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const EstimateInput& in,
+                                const EstimateObserver& observer) {
   std::optional<Looking> looking;
   if (observer.cancelled)
     looking.emplace([&observer] {
       if (observer.cancelled()) throw EstimateCancelled();
     });
-  validate(in.pre, in.post, in.geometry);
-  DisplacementEstimator::require_fits(in.pre, in.geometry, options_.displacement);
-  const HostBytes bytes = host_bytes(in, options_);
+  validate(pre, post, in.geometry);
+  DisplacementEstimator::require_fits(pre, in.geometry, options_.displacement);
+  const HostBytes bytes = host_bytes(pre, in, options_);
   Estimate e;
   e.held = std::make_shared<const Charge>(queue_.account().charge(Place::kHost, "estimates", bytes.maps));
   const Charge working = queue_.account().charge(Place::kHost, "estimating", bytes.working);
@@ -237,12 +228,12 @@ Estimate Elastography::estimate(const EstimateInput& in, const EstimateObserver&
     if (observer.progress) observer.progress(stage);
     look();
   };
-  const DisplacementEstimate displacement = track(in, e);
-  if (in.b_mode) e.b_mode = b_mode_.image(in.pre, in.geometry);
+  const DisplacementEstimate displacement = track(pre, post, in.geometry, e);
+  if (in.b_mode) e.b_mode = b_mode_.image(pre, in.geometry);
   ended(Stage::kDisplacement, e.displacement_s);
   download(queue_, strain_.estimate(displacement, e.grid), e);
   ended(Stage::kStrain, e.strain_s);
-  const double window_width_m = static_cast<double>(in.pre.line_count) * in.geometry.line_pitch_m;
+  const double window_width_m = static_cast<double>(pre.line_count) * in.geometry.line_pitch_m;
   ModulusInput input{e, window_width_m, in.tissue, in.force, in.known};
   input.beside = in.beside;
   find_modulus(std::move(input), in.modulus, e);

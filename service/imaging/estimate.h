@@ -53,9 +53,8 @@ struct EstimateCancelled : std::runtime_error {
   EstimateCancelled() : std::runtime_error("the estimate was cancelled") {}
 };
 
-// What is known of a pair of frames; the frames must outlive it.
+// What is known of a pair of frames.
 struct EstimateInput {
-  const RfFrame &pre, &post;
   AcquisitionGeometry geometry;
   std::optional<ProbeForce> force;  // absent: relative modulus
   TissueExtent tissue;
@@ -71,28 +70,16 @@ struct EstimateObserver {
   std::function<bool()> cancelled = {};      // asked at every look (service/device/look.h)
 };
 
-// What was measured of the pair, and its modulus. A number of a node with valid = 0 is not to be used;
-// youngs_modulus is NaN exactly there.
+// What was measured of the pair, and its modulus: filled stage by stage. A number of a node with valid = 0 is
+// not to be used; the modulus is NaN exactly there.
 struct Estimate : Measured {
+  ModulusEstimate modulus;
   std::vector<std::uint8_t> valid;  // displacement, strain and modulus trusted
-  Field youngs_modulus;             // Pa, or relative (median 1)
-  bool modulus_absolute = false;
-  double valid_fraction = 0;      // of the nodes
-  double mean_axial_strain = 0;   // median over the trusted nodes, negative in compression
-  double background_modulus = 0;  // median over the valid nodes, Pa or 1
-  ModulusKind modulus_kind = ModulusKind::kReferenceStress;
-  bool modulus_converged = false;  // of an iterative method, and of the linear system of a direct one
-  int modulus_iterations = 0;
-  std::string modulus_model;         // ModulusEstimate::model
-  std::string modulus_why;           // how its method was chosen, in words; empty: it was named
-  Field modulus_log_deviation;       // standard deviation of log E; NaN where valid = 0
-  double modulus_correlation_m = 0;  // its errors correlate by exp(-distance / it)
-  std::vector<ModulusWarning> modulus_warnings;
-  BMode b_mode;  // of the pre frame, where it was wanted
+  double valid_fraction = 0;        // of the nodes
+  BMode b_mode;                     // of the pre frame, where it was wanted
   // Frames that contradict what is stated of them; tracking that failed in part.
   std::vector<std::string> input_warnings;
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
-  double modulus_start_s = 0;          // ModulusEstimate::start_s
   std::shared_ptr<const Charge> held;  // of these maps
 };
 
@@ -111,11 +98,12 @@ class Elastography {
   void warm();
 
   // Throws std::invalid_argument (field and remedy named), TrackingError, EstimateCancelled.
-  Estimate estimate(const EstimateInput&, const EstimateObserver& = {});
+  Estimate estimate(const RfFrame& pre, const RfFrame& post, const EstimateInput&,
+                    const EstimateObserver& = {});
 
  private:
-  DisplacementEstimate track(const EstimateInput&, Estimate&);
-  void judge_tracking(const EstimateInput&, Estimate&);
+  DisplacementEstimate track(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
+  void judge_tracking(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
   void find_modulus(ModulusInput, const ModulusChoice&, Estimate&);
   // Which method, where none is named; `reference`: what was found on the way.
   ModulusPlan plan(const ModulusInput&, const ModulusChoice&, const ModulusTime&,

@@ -17,10 +17,10 @@ const std::vector<EstimateMap>& estimate_maps() {
       {"lateral_strain_std", "1", &Estimate::lateral_strain_std},
       {"shear_strain_std", "1", &Estimate::shear_strain_std},
       {"correlation", "1", &Estimate::correlation},
-      {"valid", "1", nullptr, &Estimate::valid},
-      {"youngs_modulus", nullptr, &Estimate::youngs_modulus},
-      {"youngs_modulus_log_std", "1", &Estimate::modulus_log_deviation},
-      {"b_mode", "1", nullptr, nullptr, &Estimate::b_mode}};
+      {"valid", "1", &Estimate::valid},
+      {"youngs_modulus", nullptr, &ModulusEstimate::youngs_modulus},
+      {"youngs_modulus_log_std", "1", &ModulusEstimate::log_deviation},
+      {"b_mode", "1", &Estimate::b_mode}};
   return maps;
 }
 

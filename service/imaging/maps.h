@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "service/imaging/estimate.h"
@@ -11,10 +12,11 @@ namespace teletact::service {
 
 struct EstimateMap {
   const char* name;
-  const char* unit;                // null: that of the modulus, Pa or 1
-  const Field Estimate::*numbers;  // null: `flags` or `image` instead
-  const std::vector<std::uint8_t> Estimate::*flags = nullptr;
-  const BMode Estimate::*image = nullptr;  // the same, on a grid of its own
+  const char* unit;  // null: that of the modulus, Pa or 1
+  // One of the three; the image is on a grid of its own.
+  std::variant<Field Estimate::*, Field ModulusEstimate::*, std::vector<std::uint8_t> Estimate::*,
+               BMode Estimate::*>
+      values;
 };
 
 const std::vector<EstimateMap>& estimate_maps();

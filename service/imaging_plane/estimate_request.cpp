@@ -198,7 +198,7 @@ void settle(EstimateRequest& request, const Limits& limits) {
 
 std::vector<std::string> warnings_of(const Estimate& e) {
   std::vector<std::string> warnings = e.input_warnings;
-  for (const ModulusWarning& warning : e.modulus_warnings)
+  for (const ModulusWarning& warning : e.modulus.warnings)
     warnings.push_back(fmt::format("{}: {}", name_of(warning.flag), warning.text));
   return warnings;
 }
@@ -208,16 +208,16 @@ WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
   WindowEstimate window{request.window_x_m,
                         request.window_width_m(),
                         e.grid,
-                        e.youngs_modulus,
+                        e.modulus.youngs_modulus,
                         e.valid,
-                        e.modulus_log_deviation,
+                        e.modulus.log_deviation,
                         e.b_mode};
   WindowEvidence& evidence = window.evidence;
   evidence.warnings = warnings_of(e);
-  evidence.correlation_m = e.modulus_correlation_m;
+  evidence.correlation_m = e.modulus.correlation_m;
   evidence.force_relative_deviation = request.force_relative_deviation();
   evidence.area_relative_deviation = request.area_relative_deviation();
-  evidence.background_modulus_pa = e.background_modulus;
+  evidence.background_modulus_pa = e.modulus.background;
   evidence.quality = e.quality;
   evidence.taken_in = received;
   return window;

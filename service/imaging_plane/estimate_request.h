@@ -15,15 +15,12 @@
 
 namespace teletact::service {
 
-// 0 and empty: not stated.
-struct EstimateRequest {
+// 0 and empty: not stated. What the scene and the time tell of the pair is filled in when its turn has come.
+struct EstimateRequest : EstimateInput {
+  EstimateRequest() { tissue = {0, 0, 0, 0}; }
   std::size_t sample_count = 0, line_count = 0;
-  AcquisitionGeometry geometry;
-  std::optional<ProbeForce> force;
   double force_std_n = 0, contact_area_std_m2 = 0;
-  TissueExtent tissue{0, 0, 0, 0};
   double max_strain = 0;
-  ModulusChoice modulus;
   double most_modulus_s = HUGE_VAL;  // that it may take in any case
   std::shared_ptr<Scene> scene;      // null: nothing is published
   double window_x_m = 0;
@@ -33,8 +30,8 @@ struct EstimateRequest {
     double x_m = 0, z_m = 0;
   };
   std::optional<SceneSlice> slice_of;
-  double finish_within_s = 0;  // of the last byte; 0: whenever
-  bool b_mode = false;         // its image is wanted
+  double finish_within_s = 0;     // of the last byte; 0: whenever
+  std::vector<std::string> maps;  // wanted: names, of estimate_maps()
 
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
   std::size_t samples() const { return sample_count * line_count; }

@@ -14,7 +14,6 @@ namespace teletact::service {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
 // The rest is for its way here, and for a last step that takes longer than those before.
@@ -94,8 +93,7 @@ double ImagingLane::least_s(const EstimateRequest& request) const {
 // A window every so often is asked for by a finger that moves on (T1), from when it does; nobody waits for it
 // before, so that others' turns do not count. What is of use until a deadline only leaves less with every one
 // of them.
-ModulusTime ImagingLane::modulus_time(const ReceivedPair& pair, double begun_s) const {
-  const EstimateRequest& r = pair.request;
+ModulusTime ImagingLane::modulus_time(const EstimateRequest& r, const JobTerms& terms, double begun_s) const {
   ModulusTime time{{}, {}, cost_.expected_modulus_s(r.size())};
   const double publishing_s = cost_.expected_publishing_s(r.size());
   const auto leave = [&time](double left_s, std::string words) {
@@ -109,8 +107,8 @@ ModulusTime ImagingLane::modulus_time(const ReceivedPair& pair, double begun_s) 
           fmt::format("{:.2f} s, {:.0f} % of what a finger at {:.0f} mm/s takes to cross a window", window_s,
                       100 * kOfCrossing, 1e3 * speed));
   }
-  if (pair.deadline != JobTerms::Time::max())
-    leave(Seconds(pair.deadline - Clock::now()).count() - publishing_s, "what it is to be finished within");
+  if (terms.deadline != JobTerms::Time::max())
+    leave(Seconds(terms.deadline - Clock::now()).count() - publishing_s, "what it is to be finished within");
   return time;
 }
 
@@ -141,16 +139,18 @@ void ImagingLane::require_here(const EstimateRequest& request) const {
     throw Error(ErrorKind::kUnavailable, "another device has taken the scene over; send the pair again");
 }
 
-EstimateOutcome ImagingLane::estimate(const ReceivedPair& pair, const std::function<void(Stage)>& ended) {
-  const double queued_s = Seconds(Clock::now() - pair.received).count(), waited_before_s = waited_s();
-  const auto frames = pair.frames();
+EstimateOutcome ImagingLane::estimate(const EstimateRequest& request, const JobTerms& terms,
+                                      Clock::time_point received, const std::function<Frames()>& unpack,
+                                      const std::function<void(Stage)>& ended) {
+  const double queued_s = Seconds(Clock::now() - received).count(), waited_before_s = waited_s();
+  const Frames frames = unpack();
   recovery_.require();
   const std::shared_ptr<Device> device = device_;
   try {
-    EstimateOutcome outcome = work(pair, frames, ended);
+    EstimateOutcome outcome = work(request, terms, received, frames, ended);
     outcome.queued_s = queued_s;
     outcome.waited_s = waited_s() - waited_before_s;
-    outcome.received_to_published_s = Seconds(Clock::now() - pair.received).count();
+    outcome.received_to_published_s = Seconds(Clock::now() - received).count();
     return outcome;
   } catch (const Error& error) {
     if (error.kind == ErrorKind::kDeadline) cost_.late();
@@ -165,38 +165,34 @@ EstimateOutcome ImagingLane::estimate(const ReceivedPair& pair, const std::funct
   }
 }
 
-EstimateOutcome ImagingLane::work(const ReceivedPair& pair, const std::pair<RfFrame, RfFrame>& frames,
-                                  const std::function<void(Stage)>& ended) {
-  const EstimateRequest& r = pair.request;
-  const auto& [pre, post] = frames;
+EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& terms, Clock::time_point received,
+                                  const Frames& frames, const std::function<void(Stage)>& ended) {
   EstimateOutcome outcome;
   require_here(r);
   // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
-  const KnownModulus known = r.scene ? known_modulus(r.scene->snapshot()->map) : KnownModulus{};
-  std::vector<SliceBeside> beside;
-  if (r.slice_of) beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
+  EstimateInput in(r);
+  if (r.scene) in.known = known_modulus(r.scene->snapshot()->map);
+  if (r.slice_of) in.beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
+  in.modulus.time_limit_s = r.modulus.time_limit_s.value_or(r.most_modulus_s);
+  if (r.force) in.modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
+  if (r.scene) in.modulus.need.tolerance = r.scene->finger().tolerance();
   {
-    const auto engine = engines_.borrow(pair.client);
-    engine->charge_to({memory_, pair.client});
+    const auto engine = engines_.borrow(terms.client);
+    engine->charge_to({memory_, terms.client});
     engine->set_max_strain(r.max_strain);
-    ModulusChoice modulus = r.modulus;
-    modulus.time_limit_s = r.modulus.time_limit_s.value_or(r.most_modulus_s);
-    if (r.force) modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
-    if (r.scene) modulus.need.tolerance = r.scene->finger().tolerance();
-    modulus.time = [&, begun_s = worked_s()] { return modulus_time(pair, begun_s); };
-    outcome.estimate = engine->estimate(
-        {pre, post, r.geometry, r.force, r.tissue, known, modulus, beside, r.b_mode}, {ended});
+    in.modulus.time = [&, begun_s = worked_s()] { return modulus_time(r, terms, begun_s); };
+    outcome.estimate = engine->estimate(frames.first, frames.second, in, {ended});
   }
   const Estimate& e = outcome.estimate;
-  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus_start_s};
+  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus.start_s};
   if (r.scene) {
     const double begun_s = worked_s();
     require_here(r);
-    outcome.published = publisher_.publish(r.scene, window_of(r, e, pair.received), pair.client);
+    outcome.published = publisher_.publish(r.scene, window_of(r, e, received), terms.client);
     took.publishing = outcome.publish_s = worked_s() - begun_s;
   }
   EstimateSize size = r.size();
-  size.method = e.modulus_kind;
+  size.method = e.modulus.kind;
   cost_.took(size, took);
   return outcome;
 }

@@ -19,16 +19,6 @@
 
 namespace teletact::service {
 
-// A pair that has come in.
-struct ReceivedPair {
-  const EstimateRequest& request;
-  std::string client;                                   // in whose name it is worked on
-  std::chrono::steady_clock::time_point received;       // its last byte
-  std::function<std::pair<RfFrame, RfFrame>()> frames;  // pre and post, asked for once
-  std::chrono::steady_clock::time_point deadline =
-      std::chrono::steady_clock::time_point::max();  // of its job
-};
-
 struct EstimateOutcome {
   Estimate estimate;
   std::optional<Published> published;
@@ -38,6 +28,8 @@ struct EstimateOutcome {
 
 class ImagingLane {
  public:
+  using Clock = std::chrono::steady_clock;
+  using Frames = std::pair<RfFrame, RfFrame>;  // pre and post
   // Without a look for so long, its device hangs: at most 50 ms of work lie between two (look.h).
   static constexpr double kStalledS = 10;
 
@@ -71,9 +63,11 @@ class ImagingLane {
   // After it: the terms on which estimate() is to be posted to the workers. Throws Error(kDeadline) for one
   // that beside the others could not be done in time.
   JobTerms admit(const EstimateRequest&, const JobTerms& asked);
-  // On one of the workers. `ended` is told each stage. What it throws, a device that fails among it, is seen
+  // On one of the workers, on terms that admit() gave. `received`: when the last byte came; `frames`: pre and
+  // post, asked for once. `ended` is told each stage. What it throws, a device that fails among it, is seen
   // to.
-  EstimateOutcome estimate(const ReceivedPair&, const std::function<void(Stage)>& ended);
+  EstimateOutcome estimate(const EstimateRequest&, const JobTerms&, Clock::time_point received,
+                           const std::function<Frames()>& frames, const std::function<void(Stage)>& ended);
 
   FairWorkers& workers() { return workers_; }
   const FairWorkers& workers() const { return workers_; }
@@ -83,13 +77,13 @@ class ImagingLane {
   JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
   // The least that it could work, s: by the quickest method where none is named.
   double least_s(const EstimateRequest&) const;
-  ModulusTime modulus_time(const ReceivedPair&, double begun_s) const;
+  ModulusTime modulus_time(const EstimateRequest&, const JobTerms&, double begun_s) const;
   // Throws Error(kUnavailable) for what would be published in a scene that another device took over.
   void require_here(const EstimateRequest&) const;
   // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.
   void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
-  EstimateOutcome work(const ReceivedPair&, const std::pair<RfFrame, RfFrame>& frames,
-                       const std::function<void(Stage)>& ended);
+  EstimateOutcome work(const EstimateRequest&, const JobTerms&, Clock::time_point received,
+                       const Frames& frames, const std::function<void(Stage)>& ended);
   CurrentDevice& device_;
   Publisher& publisher_;
   const std::shared_ptr<MemoryBudget> memory_;

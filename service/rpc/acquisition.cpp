@@ -16,10 +16,6 @@
 
 namespace teletact::service {
 
-std::size_t EstimateCall::frame_bytes() const {
-  return request.samples() * bytes_per_item(dtype);
-}
-
 namespace {
 
 void check_frame_bytes(const v1::Acquisition& in, const Limits& limits) {
@@ -118,7 +114,7 @@ std::array<double, 3> origin_from(const std::string& field, const v1::SlicePose&
   return origin_m;
 }
 
-EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes) {
+EstimateRequest stated_in(const v1::Acquisition& in, const Scenes& scenes) {
   EstimateRequest request;
   request.sample_count = in.sample_count();
   request.line_count = in.line_count();
@@ -144,26 +140,28 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes) {
     const auto origin_m = origin_from("slice_of.window", in.slice_of().window(), true);
     request.slice_of = {scenes.find(in.slice_of().scene_id()), origin_m[0], origin_m[2]};
   }
+  request.maps = maps_from(in);
   return request;
 }
 
 }  // namespace
 
-EstimateCall call_from(const v1::Acquisition& in, const Scenes& scenes, const Limits& limits) {
+EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, const Limits& limits) {
   check_frame_bytes(in, limits);
-  EstimateCall call{request_from(in, scenes), in.dtype(), maps_from(in)};
-  // Windows of a scene keep theirs, for who looks on.
-  call.request.b_mode = call.request.scene || std::ranges::find(call.maps, "b_mode") != call.maps.end();
-  settle(call.request, limits);
-  return call;
+  EstimateRequest request = stated_in(in, scenes);
+  // Windows of a scene keep theirs, for observers.
+  request.b_mode = request.scene || std::ranges::find(request.maps, "b_mode") != request.maps.end();
+  settle(request, limits);
+  return request;
 }
 
-FrameUpload::FrameUpload(const EstimateCall& call, std::size_t most_chunk_bytes)
-    : samples_(call.request.sample_count),
-      lines_(call.request.line_count),
-      frame_bytes_(call.frame_bytes()),
+FrameUpload::FrameUpload(const EstimateRequest& request, v1::DataType of_samples,
+                         std::size_t most_chunk_bytes)
+    : samples_(request.sample_count),
+      lines_(request.line_count),
+      frame_bytes_(request.samples() * bytes_per_item(of_samples)),
       most_chunk_bytes_(most_chunk_bytes),
-      dtype_(call.dtype) {}
+      dtype_(of_samples) {}
 
 void FrameUpload::add(const v1::FrameChunk& chunk) {
   if (chunk.frame() != v1::FRAME_KIND_PRE && chunk.frame() != v1::FRAME_KIND_POST)

@@ -13,22 +13,15 @@ namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
 
-// What one call asks for.
-struct EstimateCall {
-  EstimateRequest request;
-  v1::DataType dtype = v1::DATA_TYPE_UNSPECIFIED;  // of its frames' samples
-  std::vector<std::string> maps;                   // wanted: names, of estimate_maps()
-  std::size_t frame_bytes() const;
-};
-
 // Throws std::invalid_argument (field named), Error(kNotFound | kExhausted | kPrecondition); allocates
 // nothing that the client sized.
-EstimateCall call_from(const v1::Acquisition&, const Scenes&, const Limits&);
+EstimateRequest request_from(const v1::Acquisition&, const Scenes&, const Limits&);
 
 // Puts the chunks of both frames together.
 class FrameUpload {
  public:
-  FrameUpload(const EstimateCall&, std::size_t most_chunk_bytes);
+  FrameUpload(const EstimateRequest&, v1::DataType of_samples, std::size_t most_chunk_bytes);
+  std::size_t frame_bytes() const { return frame_bytes_; }
   // Throws std::invalid_argument for a chunk that does not continue its frame or has too many bytes.
   void add(const v1::FrameChunk&);
   // Throws std::invalid_argument when bytes are missing.

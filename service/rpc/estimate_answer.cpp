@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <string>
+#include <type_traits>
+#include <variant>
 
 #include "service/imaging/maps.h"
 #include "service/rpc/map_message.h"
@@ -12,13 +14,17 @@ namespace teletact::service {
 namespace {
 
 void map_to(const Estimate& e, const EstimateMap& map, v1::Map* out) {
-  const char* unit = map.unit ? map.unit : e.modulus_absolute ? "Pa" : "1";
-  if (map.numbers)
-    map_to(map.name, unit, e.grid, e.*map.numbers, out);
-  else if (map.flags)
-    map_to(map.name, unit, e.grid, e.*map.flags, out);
-  else
-    map_to(map.name, unit, (e.*map.image).grid, (e.*map.image).grey, out);
+  const char* unit = map.unit ? map.unit : e.modulus.absolute ? "Pa" : "1";
+  std::visit(
+      [&](auto values) {
+        if constexpr (std::is_same_v<decltype(values), BMode Estimate::*>)
+          map_to(map.name, unit, (e.*values).grid, (e.*values).grey, out);
+        else if constexpr (std::is_same_v<decltype(values), Field ModulusEstimate::*>)
+          map_to(map.name, unit, e.grid, e.modulus.*values, out);
+        else
+          map_to(map.name, unit, e.grid, e.*values, out);
+      },
+      map.values);
 }
 
 v1::ModulusMethod method_to(ModulusKind kind) {
@@ -36,17 +42,17 @@ v1::ModulusMethod method_to(ModulusKind kind) {
 }
 
 void estimate_to(const Estimate& e, v1::EstimateSummary* out) {
-  out->set_modulus_absolute(e.modulus_absolute);
+  out->set_modulus_absolute(e.modulus.absolute);
   out->set_median_correlation(e.median_correlation);
   out->set_quality(e.quality);
   out->set_valid_fraction(e.valid_fraction);
-  out->set_mean_axial_strain(e.mean_axial_strain);
-  out->set_background_modulus_pa(e.background_modulus);
-  out->set_youngs_modulus_correlation_m(e.modulus_correlation_m);
-  out->set_modulus_method(method_to(e.modulus_kind));
-  out->set_modulus_converged(e.modulus_converged);
-  out->set_modulus_model(e.modulus_model.empty() ? e.modulus_why : e.modulus_model);
-  out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus_iterations));
+  out->set_mean_axial_strain(e.modulus.mean_axial_strain);
+  out->set_background_modulus_pa(e.modulus.background);
+  out->set_youngs_modulus_correlation_m(e.modulus.correlation_m);
+  out->set_modulus_method(method_to(e.modulus.kind));
+  out->set_modulus_converged(e.modulus.converged);
+  out->set_modulus_model(e.modulus.model.empty() ? e.modulus.why : e.modulus.model);
+  out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus.iterations));
   for (const std::string& warning : warnings_of(e)) out->add_warnings(warning);
 }
 
@@ -56,7 +62,8 @@ void add_stage(v1::EstimateSummary* summary, const char* name, double s) {
   time->set_seconds(s);
 }
 
-void summary_to(const EstimateOutcome& outcome, const EstimateCall& call, v1::EstimateSummary* summary) {
+void summary_to(const EstimateOutcome& outcome, const EstimateRequest& request,
+                v1::EstimateSummary* summary) {
   const Estimate& e = outcome.estimate;
   estimate_to(e, summary);
   add_stage(summary, "queued", outcome.queued_s);
@@ -67,7 +74,7 @@ void summary_to(const EstimateOutcome& outcome, const EstimateCall& call, v1::Es
   if (!outcome.published) return;
   for (const std::string& warning : outcome.published->warnings) summary->add_warnings(warning);
   add_stage(summary, "publish", outcome.publish_s);
-  summary->set_scene_id(call.request.scene->id());
+  summary->set_scene_id(request.scene->id());
   summary->set_window_id(outcome.published->window_id);
   summary->set_scene_version(outcome.published->version);
   summary->set_received_to_published_s(outcome.received_to_published_s);
@@ -99,14 +106,14 @@ const char* name_of(Stage stage) {
   return "unknown";
 }
 
-bool answer_to(const EstimateOutcome& outcome, const EstimateCall& call, std::size_t index,
+bool answer_to(const EstimateOutcome& outcome, const EstimateRequest& request, std::size_t index,
                v1::EstimateResponse* out) {
   out->Clear();
-  if (index > call.maps.size()) return false;
-  if (index < call.maps.size())
-    map_to(outcome.estimate, *find_map(call.maps[index]), out->mutable_map()->mutable_map());
+  if (index > request.maps.size()) return false;
+  if (index < request.maps.size())
+    map_to(outcome.estimate, *find_map(request.maps[index]), out->mutable_map()->mutable_map());
   else
-    summary_to(outcome, call, out->mutable_summary());
+    summary_to(outcome, request, out->mutable_summary());
   return true;
 }
 

@@ -13,6 +13,6 @@ v1::EstimateStage stage_to(Stage);
 const char* name_of(Stage);
 
 // Message `index` of the answer into `out`; false when there is none any more.
-bool answer_to(const EstimateOutcome&, const EstimateCall&, std::size_t index, v1::EstimateResponse* out);
+bool answer_to(const EstimateOutcome&, const EstimateRequest&, std::size_t index, v1::EstimateResponse* out);
 
 }  // namespace teletact::service

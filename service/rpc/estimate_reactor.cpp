@@ -48,7 +48,7 @@ void EstimateReactor::OnReadDone(bool ok) {
 
 void EstimateReactor::receive() {
   const Limits& limits = core_.limits;
-  if (!call_) {
+  if (!request_) {
     if (!message_.has_acquisition())
       throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
     require_authority(message_.acquisition());
@@ -57,15 +57,15 @@ void EstimateReactor::receive() {
     if (message_.acquisition().has_slice_of())
       require_named(*context_, message_.acquisition().slice_of().scene_id());
     core_.imaging.require_device();
-    call_ = call_from(message_.acquisition(), core_.scenes, limits);
-    core_.imaging.lane_for(call_->request, terms()).refuse_the_hopeless(call_->request, terms());
+    request_ = request_from(message_.acquisition(), core_.scenes, limits);
+    core_.imaging.lane_for(*request_, terms()).refuse_the_hopeless(*request_, terms());
+    upload_.emplace(*request_, message_.acquisition().dtype(), limits.most_chunk_bytes);
     // As it comes, and as samples.
     upload_bytes_ = core_.account(client_of(*context_))
                         .charge(Place::kHost, "uploads",
-                                2 * (call_->frame_bytes() + sizeof(float) * call_->request.samples()));
-    upload_.emplace(*call_, limits.most_chunk_bytes);
+                                2 * (upload_->frame_bytes() + sizeof(float) * request_->samples()));
     const std::lock_guard lock(mutex_);
-    whole_upload_s_ += 2 * static_cast<double>(call_->frame_bytes()) / limits.least_upload_rate;
+    whole_upload_s_ += 2 * static_cast<double>(upload_->frame_bytes()) / limits.least_upload_rate;
     return;
   }
   if (!message_.has_chunk())
@@ -91,13 +91,13 @@ JobTerms EstimateReactor::terms() const {
 // The client has closed its side: the pair is whole, or refused.
 void EstimateReactor::uploaded() {
   if (context_->IsCancelled()) throw Error(ErrorKind::kCancelled, "the upload was cut");
-  if (!call_) throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
+  if (!request_)
+    throw std::invalid_argument("acquisition: the first message of a call must be the acquisition");
   upload_->require_whole();
   received_ = Clock::now();
   over("upload");
-  lane_ = &core_.imaging.lane_for(call_->request, this->terms());
-  const JobTerms terms = lane_->admit(call_->request, this->terms());
-  deadline_ = terms.deadline;
+  lane_ = &core_.imaging.lane_for(*request_, terms());
+  admitted_ = lane_->admit(*request_, terms());
   {
     const std::lock_guard lock(mutex_);
     uploading_ = false;
@@ -106,7 +106,7 @@ void EstimateReactor::uploaded() {
   if (!hold()) return;
   try {
     const FairWorkers::Id job = lane_->workers().post(
-        terms, [this] { work(); }, [this](std::exception_ptr error) { worked(std::move(error)); });
+        admitted_, [this] { work(); }, [this](std::exception_ptr error) { worked(std::move(error)); });
     const std::lock_guard lock(mutex_);
     job_ = {&lane_->workers(), job};
   } catch (...) {
@@ -118,15 +118,13 @@ void EstimateReactor::uploaded() {
 
 void EstimateReactor::work() {
   over("queued");
-  const ReceivedPair pair{call_->request, client_of(*context_), received_,
-                          [this] {
-                            auto frames = upload_->finish();
-                            upload_.reset();
-                            upload_bytes_.shrink(2 * sizeof(float) * call_->request.samples());
-                            return frames;
-                          },
-                          deadline_};
-  outcome_ = lane_->estimate(pair, [this](Stage stage) {
+  const auto frames = [this] {
+    auto frames = upload_->finish();
+    upload_.reset();
+    upload_bytes_.shrink(2 * sizeof(float) * request_->samples());
+    return frames;
+  };
+  outcome_ = lane_->estimate(*request_, admitted_, received_, frames, [this](Stage stage) {
     over(name_of(stage));
     progressed(stage_to(stage));
   });
@@ -143,10 +141,10 @@ void EstimateReactor::log_done() const {
   spdlog::info(
       "event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} warnings={} elapsed_s={:.4f}",
       id(), context_->peer(), e.valid_fraction, e.median_correlation,
-      e.input_warnings.size() + e.modulus_warnings.size(), Seconds(Clock::now() - received_).count());
+      e.input_warnings.size() + e.modulus.warnings.size(), Seconds(Clock::now() - received_).count());
   for (const std::string& warning : e.input_warnings)
     spdlog::warn("event=estimate_doubtful call={} flag=input text=\"{}\"", id(), warning);
-  for (const ModulusWarning& warning : e.modulus_warnings)
+  for (const ModulusWarning& warning : e.modulus.warnings)
     spdlog::warn("event=estimate_doubtful call={} flag={} text=\"{}\"", id(), name_of(warning.flag),
                  warning.text);
 }
@@ -200,7 +198,7 @@ bool EstimateReactor::next_message() {
     progress_.pop_front();
     return true;
   }
-  return worked_ && answer_to(*outcome_, *call_, written_++, &answer_);
+  return worked_ && answer_to(*outcome_, *request_, written_++, &answer_);
 }
 
 void EstimateReactor::go_on() {

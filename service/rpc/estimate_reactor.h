@@ -53,12 +53,12 @@ class EstimateReactor final
 
   // gRPC's reading thread; the imaging plane's from uploaded() on.
   v1::EstimateRequest message_;
-  std::optional<EstimateCall> call_;
+  std::optional<EstimateRequest> request_;
   Charge upload_bytes_;
   std::optional<FrameUpload> upload_;
   Clock::time_point received_{};
-  ImagingLane* lane_ = nullptr;                      // where it is worked on
-  JobTerms::Time deadline_ = JobTerms::Time::max();  // of its job
+  ImagingLane* lane_ = nullptr;  // where it is worked on
+  JobTerms admitted_;            // of its job
   std::optional<EstimateOutcome> outcome_;
 
   mutable std::mutex mutex_;                                     // what follows

@@ -27,8 +27,8 @@ Estimate estimate(const RecordedPair& pair, double depth_m, const StrainOptions&
   options.strain = strain;
   Elastography elastography(Device::open(), options);
   const double width_m = static_cast<double>(pair.pre.line_count) * pair.geometry.line_pitch_m;
-  return elastography.estimate(
-      {pair.pre, pair.post, pair.geometry, std::nullopt, {width_m, depth_m, 0, 0.495}});
+  return elastography.estimate(pair.pre, pair.post,
+                               {pair.geometry, std::nullopt, {width_m, depth_m, 0, 0.495}});
 }
 
 double x_of(const Estimate& e, std::size_t n) {
@@ -144,8 +144,8 @@ double inclusion_contrast(const Estimate& e, double first_line_m, double pitch_m
     if (!e.valid[n]) continue;
     const double x = x_of(e, n) - 0.5 * pitch_m + first_line_m;
     const double radius_m = std::hypot(x - 0.03991, y_of(e, n) - 0.02512);
-    if (radius_m < 0.7 * 0.004) inside.push_back(e.youngs_modulus[n]);
-    if (radius_m > 0.006) outside.push_back(e.youngs_modulus[n]);
+    if (radius_m < 0.7 * 0.004) inside.push_back(e.modulus.youngs_modulus[n]);
+    if (radius_m > 0.006) outside.push_back(e.modulus.youngs_modulus[n]);
   }
   const auto median = [](std::vector<double>& values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -167,20 +167,16 @@ TEST(SimulatedInclusion, ModulusKeepsItsContrast) {
   Elastography elastography(Device::open());
   for (const auto& [kind, least, most] :
        {std::tuple{ModulusKind::kDirect, 3.2, 4.8}, {ModulusKind::kIterative, 3.5, 4.4}}) {
-    const Estimate e = elastography.estimate({pair.pre,
-                                              pair.post,
-                                              pair.geometry,
-                                              std::nullopt,
-                                              {width_m, 0.050, 0, 0.495, Plane::kStress},
-                                              {},
-                                              {kind, 60.0}});
+    const Estimate e = elastography.estimate(
+        pair.pre, pair.post,
+        {pair.geometry, std::nullopt, {width_m, 0.050, 0, 0.495, Plane::kStress}, {}, {kind, 60.0}});
     const double contrast = inclusion_contrast(e, first_line_m, pair.geometry.line_pitch_m);
     std::printf("simulated-inclusion: contrast %.2f of 4, %d steps, converged %d\n", contrast,
-                e.modulus_iterations, e.modulus_converged);
-    for (const ModulusWarning& w : e.modulus_warnings) std::printf("  %s\n", w.text.c_str());
+                e.modulus.iterations, e.modulus.converged);
+    for (const ModulusWarning& w : e.modulus.warnings) std::printf("  %s\n", w.text.c_str());
     EXPECT_GE(contrast, least);
     EXPECT_LE(contrast, most);
-    EXPECT_FALSE(e.modulus_absolute);
+    EXPECT_FALSE(e.modulus.absolute);
   }
 }
 
@@ -195,10 +191,10 @@ TEST(SimulatedInclusion, IsTakenForABlock) {
   extent.depth_stated = false;
   const Estimate e =
       Elastography(Device::open())
-          .estimate({pair.pre, pair.post, pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
+          .estimate(pair.pre, pair.post, {pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
   const double contrast = inclusion_contrast(e, first_line_m, pair.geometry.line_pitch_m);
-  std::printf("simulated-inclusion: contrast %.2f of 4; %s\n", contrast, e.modulus_model.c_str());
-  EXPECT_EQ(e.modulus_model.find("a block"), 0u) << e.modulus_model;
+  std::printf("simulated-inclusion: contrast %.2f of 4; %s\n", contrast, e.modulus.model.c_str());
+  EXPECT_EQ(e.modulus.model.find("a block"), 0u) << e.modulus.model;
   EXPECT_GE(contrast, 3.2);
   EXPECT_LE(contrast, 4.8);
 }
@@ -211,8 +207,8 @@ TEST(PhantomS2000, IsTakenForABlockWithoutARamp) {
   extent.depth_stated = false;
   const Estimate e =
       Elastography(Device::open())
-          .estimate({pair.pre, pair.post, pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
-  EXPECT_EQ(e.modulus_model.find("a block"), 0u) << e.modulus_model;
+          .estimate(pair.pre, pair.post, {pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
+  EXPECT_EQ(e.modulus.model.find("a block"), 0u) << e.modulus.model;
   const auto typical = [](std::vector<double> values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
@@ -221,13 +217,13 @@ TEST(PhantomS2000, IsTakenForABlockWithoutARamp) {
   std::vector<double> above, below, deviations;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
     if (!e.valid[n] || y_of(e, n) < 0.007) continue;
-    deviations.push_back(e.modulus_log_deviation[n]);
+    deviations.push_back(e.modulus.log_deviation[n]);
     if (std::hypot(x_of(e, n) - 0.0197, y_of(e, n) - 0.0355) < 0.009) continue;  // the sphere
-    if (y_of(e, n) < 0.022) above.push_back(e.youngs_modulus[n]);
-    if (y_of(e, n) > 0.040) below.push_back(e.youngs_modulus[n]);
+    if (y_of(e, n) < 0.022) above.push_back(e.modulus.youngs_modulus[n]);
+    if (y_of(e, n) > 0.040) below.push_back(e.modulus.youngs_modulus[n]);
   }
   std::printf("phantom-s2000: ramp %.2f, deviation %.2f; %s\n", typical(below) / typical(above),
-              typical(deviations), e.modulus_model.c_str());
+              typical(deviations), e.modulus.model.c_str());
   EXPECT_NEAR(std::log(typical(below) / typical(above)), 0, std::log(1.2));
   EXPECT_LE(typical(deviations), 0.2);
 }

@@ -41,7 +41,7 @@ std::vector<std::string> warnings(double rest_y_m, const AcquisitionGeometry& ge
       2);
   const TissueExtent extent{static_cast<double>(kLines) * geometry.line_pitch_m, kDepthM, 0, 0.0};
   return elastography
-      .estimate({pre, post, geometry, std::nullopt, extent, {}, {ModulusKind::kReferenceStress, {}}})
+      .estimate(pre, post, {geometry, std::nullopt, extent, {}, {ModulusKind::kReferenceStress, {}}})
       .input_warnings;
 }
 
@@ -120,11 +120,9 @@ TEST(InputChecks, ARefusedPairNamesTheFrequencyToo) {
   other.lines = kLines;
   other.seed = 99;
   try {
-    elastography.estimate({tissue(30).frame(still, 1),
-                           Speckle(other).frame(still, 2),
-                           geometry,
-                           std::nullopt,
-                           {static_cast<double>(kLines) * geometry.line_pitch_m, kDepthM, 0, 0.0}});
+    elastography.estimate(
+        tissue(30).frame(still, 1), Speckle(other).frame(still, 2),
+        {geometry, std::nullopt, {static_cast<double>(kLines) * geometry.line_pitch_m, kDepthM, 0, 0.0}});
     FAIL() << "unrelated frames were tracked";
   } catch (const TrackingError& refusal) {
     EXPECT_NE(std::string(refusal.what()).find("center_frequency_hz: 3.5 MHz"), std::string::npos)

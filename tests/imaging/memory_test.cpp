@@ -60,7 +60,7 @@ TissueExtent slab() {
 }
 
 Estimate estimate(Elastography& engine) {
-  return engine.estimate({pair().pre, pair().post, speckle_geometry(), {}, slab()});
+  return engine.estimate(pair().pre, pair().post, {speckle_geometry(), {}, slab()});
 }
 
 TEST(ImagingMemory, WhatTheDeviceTakesIsAskedForBeforehandAndRefusedAsAWhole) {
@@ -107,7 +107,7 @@ TEST(ImagingMemory, WhatWouldNotFitIsRefusedBeforeAnythingIsTaken) {
       DisplacementEstimator::require_fits({kMostSamples, kMostLines, {}}, speckle_geometry(), options),
       std::invalid_argument);
   const RfFrame large{kMostSamples, kMostLines, std::vector<float>(kMostSamples * kMostLines)};
-  EXPECT_THROW(engine.estimate({large, large, speckle_geometry(), {}, slab()}), std::invalid_argument);
+  EXPECT_THROW(engine.estimate(large, large, {speckle_geometry(), {}, slab()}), std::invalid_argument);
   EXPECT_EQ(budget->held(Place::kHost), host);
   EXPECT_EQ(budget->held(Place::kDevice), device) << "what is kept for the next pair is still kept";
   options.max_strain = 0.02;

@@ -45,9 +45,8 @@ Estimate estimate(const client::Tissue& t, const Setting& setting) {
   g.line_pitch_m = rf.geometry.line_pitch_m;
   g.frame = frame == client::RfFrame::kLab ? DisplacementFrame::kLab : DisplacementFrame::kProbe;
   Elastography elastography(imaging_device());
-  return elastography.estimate({of(rf.pre),
-                                of(rf.post),
-                                g,
+  return elastography.estimate(of(rf.pre), of(rf.post),
+                               {g,
                                 ProbeForce{probe.force_n, probe.contact_area_m2},
                                 {t.width_m, t.depth_m, kWindowM, t.poisson_ratio},
                                 {},
@@ -78,17 +77,18 @@ TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
     for (std::size_t k = 0; k < inside.size(); ++k) {
       const client::Inclusion& i = t.inclusions[k];
       const double radii = 2 * std::hypot(x - i.x_m, y - i.y_m) / i.diameter_m;
-      if (radii < 0.7) inside[k].push_back(e.youngs_modulus[n]);
+      if (radii < 0.7) inside[k].push_back(e.modulus.youngs_modulus[n]);
       apart &= (radii - 1) * i.diameter_m / 2 > 0.003;
       rim |= std::abs(radii - 1) * i.diameter_m / 2 < 0.001;
       if (radii < 1) truth_pa *= i.contrast;
     }
-    ASSERT_TRUE(std::isfinite(e.modulus_log_deviation[n]) && e.modulus_log_deviation[n] > 0) << n;
-    if (!rim) squares += std::pow(std::log(e.youngs_modulus[n] / truth_pa) / e.modulus_log_deviation[n], 2);
+    ASSERT_TRUE(std::isfinite(e.modulus.log_deviation[n]) && e.modulus.log_deviation[n] > 0) << n;
+    if (!rim)
+      squares += std::pow(std::log(e.modulus.youngs_modulus[n] / truth_pa) / e.modulus.log_deviation[n], 2);
     judged += !rim;
     if (!apart) continue;
-    background.push_back(e.youngs_modulus[n]);
-    stiff += e.youngs_modulus[n] > 1.5 * kBackgroundPa;
+    background.push_back(e.modulus.youngs_modulus[n]);
+    stiff += e.modulus.youngs_modulus[n] > 1.5 * kBackgroundPa;
   }
   EXPECT_GE(e.valid_fraction, 0.75);
   EXPECT_NEAR(median(background), kBackgroundPa, 0.06 * kBackgroundPa);
@@ -102,7 +102,7 @@ TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
   EXPECT_GE(standardised, 0.5);
   EXPECT_LE(standardised, 2);
   for (std::size_t n = 0; n < e.grid.size(); ++n)
-    ASSERT_EQ(std::isnan(e.modulus_log_deviation[n]), e.valid[n] == 0) << n;
+    ASSERT_EQ(std::isnan(e.modulus.log_deviation[n]), e.valid[n] == 0) << n;
   std::printf("background %.0f Pa, inclusions %.0f, %.0f Pa; %.3f valid, standardised error %.2f\n",
               median(background), median(inside[0]), median(inside[1]), e.valid_fraction, standardised);
 }

@@ -39,10 +39,7 @@ class Plane : public testing::Test {
     JobTerms terms;
     terms.deadline = FairWorkers::Clock::now() + within;
     lane.workers()
-        .run(terms,
-             [&] {
-               lane.estimate({request, "", FairWorkers::Clock::now(), unpack}, ended);
-             })
+        .run(terms, [&] { lane.estimate(request, {}, FairWorkers::Clock::now(), unpack, ended); })
         .future.get();
   }
   double expected_s() { return lane.admit(request, {}).cost_s; }

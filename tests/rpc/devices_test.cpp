@@ -126,17 +126,19 @@ TEST_F(TwoDevices, OneThatHangsKeepsNobodyElseWaitingAndItsScenesGoToTheOther) {
 TEST_F(TwoDevices, OneThatGoesOnAfterItHungPublishesNothingOverWhatIsNewer) {
   const auto [first, second] = placed();
   ImagingLane& hanging = plane().lanes()[0];
-  const EstimateCall call = call_from(acquisition(first), server->core().scenes, server->core().limits);
+  const EstimateRequest request =
+      request_from(acquisition(first), server->core().scenes, server->core().limits);
   const auto frame = [&](const std::string& bytes) {
-    std::vector<float> samples(call.request.samples());
+    std::vector<float> samples(request.samples());
     std::memcpy(samples.data(), bytes.data(), bytes.size());
-    return RfFrame{call.request.sample_count, call.request.line_count, samples};
+    return RfFrame{request.sample_count, request.line_count, samples};
   };
-  const ReceivedPair received{call.request, "anna", std::chrono::steady_clock::now(),
-                              [&] { return std::pair(frame(pair().pre), frame(pair().post)); }};
+  JobTerms terms;
+  terms.client = "anna";
+  const auto frames = [&] { return std::pair(frame(pair().pre), frame(pair().post)); };
   std::promise<void> begun, release;
   auto hung = hanging.workers().run({}, [&] {
-    return hanging.estimate(received, [&](Stage stage) {
+    return hanging.estimate(request, terms, std::chrono::steady_clock::now(), frames, [&](Stage stage) {
       if (stage != Stage::kModulus) return;
       begun.set_value();
       release.get_future().wait();

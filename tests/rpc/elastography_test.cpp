@@ -151,11 +151,10 @@ TEST_F(Estimates, MapsAreGivenByNameAndRelativeWithoutAForce) {
 }
 
 TEST(FrameUpload, SixteenBitSamplesKeepTheirSign) {
-  EstimateCall call;
-  call.request.sample_count = 4, call.request.line_count = 1;
-  call.dtype = v1::DATA_TYPE_INT16;
+  EstimateRequest request;
+  request.sample_count = 4, request.line_count = 1;
   const std::int16_t samples[] = {-32768, -1, 0, 32767};
-  FrameUpload upload(call, sizeof(samples));
+  FrameUpload upload(request, v1::DATA_TYPE_INT16, sizeof(samples));
   for (const auto kind : {v1::FRAME_KIND_PRE, v1::FRAME_KIND_POST}) {
     v1::FrameChunk chunk;
     chunk.set_frame(kind);

@@ -107,7 +107,7 @@ PlaneTimes measure_plane(service::Elastography& elastography, service::ModulusKi
   for (int k = 0; k < (quick ? 5 : 31); ++k) {
     const auto begin = Clock::now();
     const service::Estimate e =
-        elastography.estimate({p.pre, p.post, p.geometry, force, p.tissue, {}, {kind, {}}});
+        elastography.estimate(p.pre, p.post, {p.geometry, force, p.tissue, {}, {kind, {}}});
     total.push_back(seconds_since(begin));
     displacement.push_back(e.displacement_s), strain.push_back(e.strain_s), modulus.push_back(e.modulus_s);
   }

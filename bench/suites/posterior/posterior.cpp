@@ -159,13 +159,13 @@ Row from_rf(service::Elastography& elastography, Phantoms& phantoms, const Phant
     const service::ProbeForce force{p.force_n, p.contact_area_m2};
     service::Estimate e;
     seconds.push_back(seconds_of([&] {
-      e = elastography.estimate({p.pre, p.post, p.geometry, force, p.tissue, {}, {}});
+      e = elastography.estimate(p.pre, p.post, {p.geometry, force, p.tissue, {}, {}});
     }));
     modulus_s.push_back(e.modulus_s);
     noise_m.push_back(median_of(e.axial_displacement_std));
     const double background = std::log(client::Tissue{}.youngs_modulus_pa);
     const auto radii = [&](std::size_t n) { return p.radii(e.grid.x_m(n), e.grid.y_m(n)); };
-    cell.add({e.grid, e.youngs_modulus, e.modulus_log_deviation, e.modulus_correlation_m,
+    cell.add({e.grid, e.modulus.youngs_modulus, e.modulus.log_deviation, e.modulus.correlation_m,
               [&](std::size_t n) { return background + (radii(n) < 1 ? std::log(c.contrast) : 0); },
               [&](std::size_t n) { return (radii(n) - 1) * c.diameter_m / 2; }});
     show_progress(fmt::format("from RF: seed {} of {}", seed, seeds));

@@ -51,9 +51,8 @@ service::Estimate estimate(service::Elastography& elastography, const Window& w,
   g.sampling_frequency_hz = w.tissue.ultrasound.sampling_frequency_hz;
   g.sound_speed_m_s = w.tissue.ultrasound.sound_speed_m_s;
   g.line_pitch_m = w.rf.geometry.line_pitch_m;
-  return elastography.estimate({frame(w.rf.pre),
-                                frame(w.rf.post),
-                                g,
+  return elastography.estimate(frame(w.rf.pre), frame(w.rf.post),
+                               {g,
                                 service::ProbeForce{w.sensed_force_n, w.state.contact_area_m2},
                                 by.extent(w),
                                 {},
@@ -83,9 +82,9 @@ void mean_of(const service::Estimate& e, const std::vector<double>& error, std::
   for (const std::size_t a : some) {
     sum += error[a];
     for (const std::size_t b : some)
-      variance += e.modulus_log_deviation[a] * e.modulus_log_deviation[b] *
+      variance += e.modulus.log_deviation[a] * e.modulus.log_deviation[b] *
                   std::exp(-std::hypot(e.grid.x_m(a) - e.grid.x_m(b), e.grid.y_m(a) - e.grid.y_m(b)) /
-                           e.modulus_correlation_m);
+                           e.modulus.correlation_m);
   }
   mean = sum / static_cast<double>(some.size());
   deviation = std::sqrt(variance) / static_cast<double>(some.size());
@@ -99,10 +98,10 @@ RealWindow judge(const service::Estimate& e, const Window& w) {
   double held = 0, judged = 0, skin_held = 0, skin = 0, deepest_m = 0;
   std::vector<std::pair<double, double>> by_depth;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
-    const double x = left_m + e.grid.x_m(n), y = e.grid.y_m(n), modulus = e.youngs_modulus[n];
+    const double x = left_m + e.grid.x_m(n), y = e.grid.y_m(n), modulus = e.modulus.youngs_modulus[n];
     if (!std::isfinite(modulus)) continue;
     error[n] = std::log(modulus / truth(x, y));
-    const double stated = e.modulus_log_deviation[n];
+    const double stated = e.modulus.log_deviation[n];
     const bool holds = std::abs(error[n]) <= kQuantile * stated;
     if (y < kFromFaceM) {
       ++skin, skin_held += holds;
@@ -173,7 +172,7 @@ RealWindow estimated(service::Elastography& elastography, const RealRow& row, st
     out = judge(e, w);
     out.seconds = seconds, out.processor_s = processor_s, out.modulus_s = e.modulus_s;
     std::set<std::string> said;
-    for (const service::ModulusWarning& warning : e.modulus_warnings)
+    for (const service::ModulusWarning& warning : e.modulus.warnings)
       said.insert(service::name_of(warning.flag));
     out.said.assign(said.begin(), said.end());
   } catch (const std::exception& error) {

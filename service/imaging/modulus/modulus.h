@@ -74,6 +74,7 @@ struct ModulusEstimate {
   double mean_axial_strain = 0;         // median over the trusted nodes, negative in compression
   std::optional<double> lateral_ratio;  // - eps_xx / eps_yy of the model; else of its plane condition
   std::string model;                    // what was assumed and fitted of the tissue; empty: what was stated
+  std::string why;                      // how the method was chosen, in words; empty: it was named
 };
 
 // The pair shows less strain than can be measured.

@@ -26,14 +26,11 @@ struct Known {
   }
 };
 
-void check(const EstimateCall& call, const Limits& limits) {
-  const EstimateRequest& r = call.request;
-  require(call.frame_bytes() > 0 && call.frame_bytes() <= limits.most_frame_bytes,
-          "a frame beyond the limits");
+void check(const EstimateRequest& r, const Limits& limits) {
   require(r.sample_count >= limits.least_samples && r.sample_count <= limits.most_samples &&
               r.line_count >= limits.least_lines && r.line_count <= limits.most_lines,
           "samples beyond the limits");
-  require(!call.maps.empty(), "no map is wanted");
+  require(!r.maps.empty(), "no map is wanted");
   const AcquisitionGeometry& g = r.geometry;
   for (const double number :
        {g.center_frequency_hz, g.sampling_frequency_hz, g.sound_speed_m_s, g.line_pitch_m, r.max_strain,
@@ -47,8 +44,8 @@ void check(const EstimateCall& call, const Limits& limits) {
     require(deviation >= 0 && deviation < 1, "a deviation beyond the value itself");
 }
 
-void check(const RfFrame& frame, const EstimateCall& call) {
-  require(frame.samples.size() == call.request.samples(), "a frame of another size");
+void check(const RfFrame& frame, const EstimateRequest& request) {
+  require(frame.samples.size() == request.samples(), "a frame of another size");
   for (const float sample : frame.samples) require(std::isfinite(sample), "a sample that is not finite");
 }
 
@@ -60,20 +57,22 @@ bool acquisition(Bytes bytes) {
   Delimited requests(bytes);
   const auto first = requests.next<v1::EstimateRequest>();
   if (!first) return false;
-  EstimateCall call;
+  EstimateRequest request;
   if (!accepted<std::invalid_argument, Error>(
-          [&] { call = call_from(first->acquisition(), known.scenes, limits); }))
+          [&] { request = request_from(first->acquisition(), known.scenes, limits); }))
     return false;
-  check(call, limits);
-  FrameUpload upload(call, limits.most_chunk_bytes);
+  check(request, limits);
+  FrameUpload upload(request, first->acquisition().dtype(), limits.most_chunk_bytes);
+  require(upload.frame_bytes() > 0 && upload.frame_bytes() <= limits.most_frame_bytes,
+          "a frame beyond the limits");
   std::pair<RfFrame, RfFrame> frames;
   if (!accepted<std::invalid_argument>([&] {
         while (const auto next = requests.next<v1::EstimateRequest>()) upload.add(next->chunk());
         frames = upload.finish();
       }))
     return false;
-  check(frames.first, call);
-  check(frames.second, call);
+  check(frames.first, request);
+  check(frames.second, request);
   return true;
 }
 

@@ -49,14 +49,14 @@ Answer tracking_of(const service::Estimate& e) {
 
 Answer modulus_of(const service::Estimate& e) {
   std::vector<double> flags;
-  for (const service::ModulusWarning& warning : e.modulus_warnings)
+  for (const service::ModulusWarning& warning : e.modulus.warnings)
     flags.push_back(static_cast<double>(warning.flag));
-  return {{"youngs_modulus", numbers(e.youngs_modulus)},
-          {"youngs_modulus_log_std", numbers(e.modulus_log_deviation)},
+  return {{"youngs_modulus", numbers(e.modulus.youngs_modulus)},
+          {"youngs_modulus_log_std", numbers(e.modulus.log_deviation)},
           {"valid", numbers(e.valid)},
-          {"background", {e.background_modulus}},
-          {"mean_axial_strain", {e.mean_axial_strain}},
-          {"converged", {e.modulus_converged ? 1.0 : 0.0, e.modulus_absolute ? 1.0 : 0.0}, true},
+          {"background", {e.modulus.background}},
+          {"mean_axial_strain", {e.modulus.mean_axial_strain}},
+          {"converged", {e.modulus.converged ? 1.0 : 0.0, e.modulus.absolute ? 1.0 : 0.0}, true},
           {"flags", flags, true}};
 }
 
@@ -92,13 +92,9 @@ std::vector<Estimated> estimate(const PatientCase& c) {
   }
   service::Elastography elastography(device());
   const auto by = [&](service::ModulusKind kind) {
-    return elastography.estimate({frame_of(rf.geometry, rf.pre),
-                                  frame_of(rf.geometry, rf.post),
-                                  g,
-                                  force,
-                                  {t.width_m, t.depth_m, c.window_m, t.poisson_ratio},
-                                  known,
-                                  {kind, kNoLimitS}});
+    return elastography.estimate(
+        frame_of(rf.geometry, rf.pre), frame_of(rf.geometry, rf.post),
+        {g, force, {t.width_m, t.depth_m, c.window_m, t.poisson_ratio}, known, {kind, kNoLimitS}});
   };
   const service::Estimate iterative = by(service::ModulusKind::kIterative);
   return {{"tracking", tracking_of(iterative)},
