@@ -65,15 +65,19 @@ void raise_open_files() {
 }
 
 // Blocked before there is any thread, so that all inherit it and only those who wait for them take them. A
-// terminal that is closed stops the service, too, but not one that was started by nohup.
+// terminal that is closed stops the service, too, but not one that was started by nohup. SIGHUP is blocked
+// there as well: LLVM, which compiles kernels, sets a handler in the place of nohup's SIG_IGN, and that lets
+// SIGTERM end the process at once while it runs.
 sigset_t block_stop_signals() {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
   struct sigaction hangup {};
-  if (::sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
+  const bool nohup = ::sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler == SIG_IGN;
+  sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  if (nohup) sigdelset(&signals, SIGHUP);
   return signals;
 }
 
