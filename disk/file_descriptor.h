@@ -9,7 +9,7 @@ namespace teletact {
 
 class FileDescriptor {
  public:
-  explicit FileDescriptor(int number = -1) : number_(number) {}
+  explicit FileDescriptor(int number = -1) noexcept : number_(number) {}
   FileDescriptor(FileDescriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
   FileDescriptor& operator=(FileDescriptor&& other) noexcept {
     std::swap(number_, other.number_);
@@ -18,10 +18,10 @@ class FileDescriptor {
   ~FileDescriptor() {
     if (number_ >= 0) ::close(number_);
   }
-  int get() const { return number_; }
+  int get() const noexcept { return number_; }
   // Of whoever asks, from now on.
-  int release() { return std::exchange(number_, -1); }
-  explicit operator bool() const { return number_ >= 0; }
+  int release() noexcept { return std::exchange(number_, -1); }
+  explicit operator bool() const noexcept { return number_ >= 0; }
 
  private:
   int number_;

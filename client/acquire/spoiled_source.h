@@ -5,7 +5,7 @@
 #include <string>
 
 #include "client/acquire/frame_source.h"
-#include "client/link/unix_socket.h"
+#include "disk/file_descriptor.h"
 
 namespace teletact::client {
 
@@ -23,7 +23,7 @@ class SpoiledSource : public FrameSource {
 
  private:
   std::unique_ptr<FrameSource> source_;
-  Descriptor pipe_;
+  FileDescriptor pipe_;
   std::string said_;  // lines that wait
 };
 

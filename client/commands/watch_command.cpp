@@ -34,7 +34,7 @@ constexpr std::array<const char*, 8> kFaults{"stall", "jitter", "far",          
 
 // One word a line into a pipe that the demo reads; one that nobody reads takes none.
 bool order_fault(const std::string& pipe, const std::string& fault) {
-  const Descriptor file(::open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC));
+  const FileDescriptor file(::open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC));
   const std::string line = fault + "\n";
   return file && ::write(file.get(), line.data(), line.size()) == static_cast<ssize_t>(line.size());
 }

@@ -102,7 +102,7 @@ bool Publisher::send(Peer& peer) {
 }
 
 void Publisher::accept() {
-  Descriptor file(::accept4(listening_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  FileDescriptor file(::accept4(listening_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (!file || peers_.size() >= kMostPeers) return;  // one too many is closed
   std::lock_guard lock(mutex_);
   peers_.push_back({std::move(file), {}, 0, 0});

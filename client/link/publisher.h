@@ -39,7 +39,7 @@ class Publisher : public RecordSink {
  private:
   using Bytes = std::shared_ptr<const std::string>;
   struct Peer {
-    Descriptor file;
+    FileDescriptor file;
     std::deque<Bytes> queue;
     std::size_t queued_bytes = 0, sent = 0;  // of the first
   };
@@ -53,7 +53,7 @@ class Publisher : public RecordSink {
   void wake() const;
 
   std::string path_;
-  Descriptor listening_, wake_;
+  FileDescriptor listening_, wake_;
   std::list<Peer> peers_;  // of the thread alone
   std::atomic<std::uint64_t> dropped_{0};
 

@@ -32,31 +32,16 @@ sockaddr_un address_of(const std::string& path) {
 
 }  // namespace
 
-Descriptor::~Descriptor() {
-  if (file_ >= 0) ::close(file_);
-}
-
-Descriptor& Descriptor::operator=(Descriptor&& from) noexcept {
-  if (this == &from) return *this;
-  if (file_ >= 0) ::close(file_);
-  file_ = from.release();
-  return *this;
-}
-
-int Descriptor::release() noexcept {
-  return std::exchange(file_, -1);
-}
-
-Descriptor connect_to(const std::string& path) {
-  if (path.empty() || path.size() > kLongestPath) return Descriptor();
-  Descriptor file(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+FileDescriptor connect_to(const std::string& path) {
+  if (path.empty() || path.size() > kLongestPath) return FileDescriptor();
+  FileDescriptor file(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const sockaddr_un address = address_of(path);
   if (!file || ::connect(file.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0)
-    return Descriptor();
+    return FileDescriptor();
   return file;
 }
 
-Descriptor listen_at(const char* flag, const std::string& path) {
+FileDescriptor listen_at(const char* flag, const std::string& path) {
   if (path.empty() || path.size() > kLongestPath)
     refuse(flag, path, "a Unix socket's path has 1 to " + std::to_string(kLongestPath) + " bytes");
   std::error_code ignored;
@@ -66,7 +51,7 @@ Descriptor listen_at(const char* flag, const std::string& path) {
     if (connect_to(path)) refuse(flag, path, "another session publishes there; choose another path");
     std::filesystem::remove(path, ignored);  // left over by one that was killed
   }
-  Descriptor file(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  FileDescriptor file(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const sockaddr_un address = address_of(path);
   // Nobody can connect before it listens: by then it is this user's alone.
   if (!file || ::bind(file.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||

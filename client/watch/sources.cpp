@@ -56,7 +56,7 @@ void PublishedSource::run() {
   constexpr double kRetryS = 0.2;
   view_.tell(name_, "waiting for " + path_);
   while (!stop_) {
-    const Descriptor file = connect_to(path_);
+    const FileDescriptor file = connect_to(path_);
     if (!file) {
       nap(kRetryS, stop_);
       continue;

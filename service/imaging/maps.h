@@ -13,7 +13,7 @@ namespace teletact::service {
 struct EstimateMap {
   const char* name;
   const char* unit;  // null: that of the modulus, Pa or 1
-  // One of the three; the image is on a grid of its own.
+  // On the estimate's grid, but for the image, which has its own.
   std::variant<Field Estimate::*, Field ModulusEstimate::*, std::vector<std::uint8_t> Estimate::*,
                BMode Estimate::*>
       values;

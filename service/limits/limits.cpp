@@ -114,7 +114,7 @@ void set_limit(Limits& limits, std::string_view name, double value) {
     throw std::invalid_argument(fmt::format("{}: no such limit; GetInfo names them", name));
   if (!row->meaning)
     throw std::invalid_argument(
-        fmt::format("{}: it can no longer be set, and is {}; take the line out", name, row->value(limits)));
+        fmt::format("{}: it is a constant, {}; take the line out", name, row->value(limits)));
   if (!(value >= row->least && value <= row->most))
     throw std::invalid_argument(fmt::format("{}: {} is not within [{}, {}] {}; it is for {}", name, value,
                                             row->least, row->most, row->unit, row->meaning));

@@ -45,8 +45,9 @@ void Calls::Ticket::give_place_back() {
 
 void Calls::give_back(Place& place) {
   constexpr double kOfNew = 0.125;
-  if (!std::exchange(place.taken, false) || !place.begun) return;
-  const double held_s = std::chrono::duration<double>(Clock::now() - *place.begun).count();
+  const auto begun = std::exchange(place.begun, std::nullopt);
+  if (!begun) return;
+  const double held_s = std::chrono::duration<double>(Clock::now() - *begun).count();
   double& mean_s = held_s_[static_cast<std::size_t>(place.kind)];
   mean_s = mean_s > 0 ? mean_s + kOfNew * (held_s - mean_s) : held_s;
 }
@@ -145,7 +146,7 @@ std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served>
   }
   std::size_t same = 0, own = 0;
   for (const auto& [id, place] : places_) {
-    if (place.kind != kind || !place.taken) continue;
+    if (place.kind != kind || !place.begun) continue;
     ++same;
     own += !client.empty() && place.client == client;
   }

@@ -41,7 +41,7 @@ class Calls {
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::milliseconds kTick{10};
 
-  // One call, counted while the ticket lives.
+  // One call, looked after while the ticket lives.
   class Ticket {
    public:
     ~Ticket();
@@ -86,7 +86,7 @@ class Calls {
   // One whose caller may not make it.
   void refused_authority(CallKind);
   // One that has a place, but nobody has time for: throws Error(kExhausted) with the load and when to come
-  // again. Its place says nothing of how long places are held.
+  // again. Its place is free, and says nothing of how long places are held.
   [[noreturn]] void refuse_for_load(std::uint64_t id, const std::string& load);
   // Those that gRPC is done with, whether they had a place or not.
   void ended(CallKind, grpc::StatusCode);
@@ -112,8 +112,7 @@ class Calls {
     CallKind kind;
     std::weak_ptr<Served> call;
     std::string client;
-    std::optional<Clock::time_point> begun;  // none of one that was refused
-    bool taken = true;
+    std::optional<Clock::time_point> begun;  // none: it was given back, or its call is refused
   };
   void give_back(Place&);
   void leave(std::uint64_t id);

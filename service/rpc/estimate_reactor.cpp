@@ -24,7 +24,7 @@ JobTerms::Time deadline_of(const grpc::CallbackServerContext& context) {
 }  // namespace
 
 EstimateReactor::EstimateReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedCall(core, context, {"teletact.v1.Elastography", "Estimate"}),
+    : ServedCall(core, context, "teletact.v1.Elastography/Estimate"),
       core_(core),
       whole_upload_s_(core.limits.least_upload_s) {}
 

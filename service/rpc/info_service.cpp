@@ -23,7 +23,7 @@ void device_to(const DeviceInfo& device, v1::Device* out) {
 grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
                                                const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
   return UnaryCall::serve(
-      core_, context, {{"teletact.v1.Info", "GetInfo"}, CallKind::kInfo, {Need::kKnown, ""}},
+      core_, context, {"teletact.v1.Info/GetInfo", CallKind::kInfo, {Need::kKnown, ""}},
       [=, this](const UnaryCall::Handle& call) { call->answer(*response, [&] { describe(response); }); });
 }
 

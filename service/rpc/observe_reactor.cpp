@@ -37,8 +37,7 @@ void touch_to(const ObservedTouch& in, std::uint64_t instance, v1::TouchAnswer* 
 }  // namespace
 
 ObserveReactor::ObserveReactor(Core& core, NicedWorker& copying, grpc::CallbackServerContext* context)
-    : ServedStream(core, context, {"teletact.v1.Palpation", "Observe"},
-                   Allowance(2 * core.limits.most_observe_rate_hz)),
+    : ServedStream(core, context, Allowance(2 * core.limits.most_observe_rate_hz)),
       core_(core),
       copying_(copying) {}
 

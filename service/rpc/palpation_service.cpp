@@ -12,19 +12,11 @@
 
 namespace teletact::service {
 
-namespace {
-
-Method method(const char* name) {
-  return {"teletact.v1.Palpation", name};
-}
-
-}  // namespace
-
 grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerContext* context,
                                                         const v1::CreateSceneRequest* request,
                                                         v1::Scene* response) {
   const UnaryCall::Kind kind{
-      method("CreateScene"),
+      "teletact.v1.Palpation/CreateScene",
       CallKind::kUnary,
       {Need::kPublish, request->scene_id().empty() ? kEveryScene : request->scene_id()}};
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
@@ -48,7 +40,8 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
 grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerContext* context,
                                                          const v1::PublishSliceRequest* request,
                                                          v1::PublishSliceResponse* response) {
-  const UnaryCall::Kind kind{method("PublishSlice"), CallKind::kUnary, {Need::kPublish, request->scene_id()}};
+  const UnaryCall::Kind kind{
+      "teletact.v1.Palpation/PublishSlice", CallKind::kUnary, {Need::kPublish, request->scene_id()}};
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const std::string client = client_of(*context);
@@ -73,7 +66,7 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
                                                      const v1::GetSceneRequest* request,
                                                      v1::Scene* response) {
   const CallKind place = request->view() == v1::SCENE_VIEW_FULL ? CallKind::kFullScene : CallKind::kUnary;
-  const UnaryCall::Kind kind{method("GetScene"), place, {Need::kRead, request->scene_id()}};
+  const UnaryCall::Kind kind{"teletact.v1.Palpation/GetScene", place, {Need::kRead, request->scene_id()}};
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const auto job = copying_.post([=, this, client = client_of(*context)] {
@@ -91,7 +84,7 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
 grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerContext* context,
                                                        const v1::ListScenesRequest*,
                                                        v1::ListScenesResponse* response) {
-  const UnaryCall::Kind kind{method("ListScenes"), CallKind::kUnary, {Need::kRead, ""}};
+  const UnaryCall::Kind kind{"teletact.v1.Palpation/ListScenes", CallKind::kUnary, {Need::kRead, ""}};
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     const auto job = copying_.post([=, this, client = client_of(*context)] {
       call->answer(*response, [&] {
@@ -111,7 +104,8 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
 grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerContext* context,
                                                         const v1::DeleteSceneRequest* request,
                                                         v1::DeleteSceneResponse* response) {
-  const UnaryCall::Kind kind{method("DeleteScene"), CallKind::kUnary, {Need::kDelete, request->scene_id()}};
+  const UnaryCall::Kind kind{
+      "teletact.v1.Palpation/DeleteScene", CallKind::kUnary, {Need::kDelete, request->scene_id()}};
   return UnaryCall::serve(core_, context, kind, [=, this](const UnaryCall::Handle& call) {
     require_named(*context, request->scene_id());
     const auto job = removing_.post(

@@ -31,10 +31,6 @@
 
 namespace teletact::service {
 
-struct Method {
-  const char *service, *name;  // "teletact.v1.Palpation", "Touch"
-};
-
 // `Reactor`: grpc::ServerBidiReactor<...> or grpc::ServerUnaryReactor.
 template <class Reactor>
 class ServedCall : public Reactor, public Served {
@@ -58,7 +54,8 @@ class ServedCall : public Reactor, public Served {
   }
 
  protected:
-  ServedCall(Core& core, grpc::CallbackServerContext* context, Method method)
+  // `method`: what the log calls one that took too long; null: it lasts as long as its peer wants.
+  ServedCall(Core& core, grpc::CallbackServerContext* context, const char* method)
       : calls_(core.calls),
         context_(context),
         connection_(core.connections, *context, !kUnary),
@@ -86,11 +83,9 @@ class ServedCall : public Reactor, public Served {
   virtual void begun() {}                  // it has its place
   virtual void tick(Clock::time_point) {}  // as Served::look, while it has not ended; what it throws ends it
   virtual void ended() {}                  // at end(), by whom ever; may be called more than once
-  virtual void closed() {}                 // gRPC is done; the place is still taken
+  virtual void closed() {}                 // gRPC is done
   virtual Clock::duration patience() const { return kEndTaken; }
-  // gRPC is done with it: whether it took too long, and what is known of where.
-  virtual bool slow(Clock::duration lasted) const { return slow_calls_.too_long(lasted); }
-  virtual std::vector<StageTime> stages() const { return {}; }
+  virtual std::vector<StageTime> stages() const { return {}; }  // of one that took too long
 
   // Runs `work` unless the call has ended; it is not done before `work` is. What it throws ends the call.
   template <class Work>
@@ -159,12 +154,12 @@ class ServedCall : public Reactor, public Served {
   }
   void tell_if_slow() {
     const auto now = Clock::now();
-    if (!slow(now - since_)) return;
+    if (!method_ || !slow_calls_.too_long(now - since_)) return;
     slow_calls_.tell(now, [&] {
       std::vector<StageTime> all = stages();
       if (const auto ended_at = life_.ended_at()) all.push_back({"taken", now - *ended_at});
-      return fmt::format("method={}/{} code={} {}", method_.service, method_.name,
-                         static_cast<int>(life_.status().error_code()), key_values(now - since_, all));
+      return fmt::format("method={} code={} {}", method_, static_cast<int>(life_.status().error_code()),
+                         key_values(now - since_, all));
     });
   }
   // What it throws of access is counted and logged.
@@ -191,7 +186,7 @@ class ServedCall : public Reactor, public Served {
   }
 
   SlowLog& slow_calls_;
-  const Method method_;
+  const char* const method_;
   const TraceId trace_;
   const Clock::time_point since_ = Clock::now();
   CallLife life_;
@@ -210,10 +205,8 @@ class ServedStream : public ServedCall<grpc::ServerBidiReactor<Request, Response
 
  protected:
   using Clock = CallLife::Clock;
-  ServedStream(Core& core, grpc::CallbackServerContext* context, Method method, Allowance messages)
-      : Base(core, context, method), messages_(messages), patience_(seconds(core.limits.acknowledge_s)) {}
-
-  bool slow(Clock::duration) const override { return false; }  // it lasts as long as its peer wants
+  ServedStream(Core& core, grpc::CallbackServerContext* context, Allowance messages)
+      : Base(core, context, nullptr), messages_(messages), patience_(seconds(core.limits.acknowledge_s)) {}
 
   // What the stream is about, by the message that opens it; none of another. Asked until it is known.
   virtual std::optional<Wanted> wanted(const Request&) const = 0;

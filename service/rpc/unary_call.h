@@ -23,7 +23,7 @@ class UnaryCall final : public ServedCall<grpc::ServerUnaryReactor> {
   // with UNAVAILABLE: the work was dropped because the service stops.
   using Handle = std::shared_ptr<UnaryCall>;
   struct Kind {
-    Method method;
+    const char* method;
     CallKind kind;
     Wanted wanted;  // what its caller has to be allowed to
   };

@@ -4,13 +4,13 @@
 
 #include <stdexcept>
 
-#include "tests/session/kept_log.h"
+#include "tests/support/kept_log.h"
 
 namespace teletact::service {
 namespace {
 
 TEST(FileWatch, SaysWhatIsWrongOnceAndAgainOnceItWasRight) {
-  const client::test::KeptLog log;
+  const test::KeptLog log;
   std::atomic<bool> wrong{true};
   const FileWatch watch(std::chrono::milliseconds(1), "spoon_not_read", [&] {
     if (wrong) throw std::runtime_error("it is bent");

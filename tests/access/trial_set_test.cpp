@@ -29,13 +29,14 @@ mode_t mode_of(const fs::path& path) {
 
 class TrialSet : public testing::Test {
  protected:
+  static std::string script() {
+    return test::required_environment("TELETACT_SOURCE_DIR") + "/packaging/teletact-credentials";
+  }
   // One line; empty: it was made, for 30 days.
   std::string why_refused(const fs::path& out, const std::string& host) {
-    const std::string script =
-        test::required_environment("TELETACT_SOURCE_DIR") + "/packaging/teletact-credentials";
     const std::string said = folder / "said";
-    const bool made = std::system(("'" + script + "' --days 30 --out '" + out.string() + "' --host '" + host +
-                                   "' >'" + said + "' 2>&1")
+    const bool made = std::system(("'" + script() + "' --days 30 --out '" + out.string() + "' --host '" +
+                                   host + "' >'" + said + "' 2>&1")
                                       .c_str()) == 0;
     const std::string text = text_of(said);
     if (made) return "";
@@ -96,6 +97,16 @@ TEST_F(TrialSet, NothingIsWrittenOver) {
   EXPECT_EQ(text_of(set / "operator.token"), before);
   EXPECT_NE(why_refused(folder / "no" / "such", "localhost").find("--out"), std::string::npos);
   EXPECT_NE(why_refused(folder.put("file", ""), "localhost").find("--out"), std::string::npos);
+}
+
+TEST_F(TrialSet, AFullDiskLeavesNothing) {
+  const fs::path place = folder / "place";
+  fs::create_directory(place);
+  EXPECT_NE(std::system(("(ulimit -f 0; exec '" + script() + "' --out '" + (place / "set").string() +
+                         "') >/dev/null 2>&1")
+                            .c_str()),
+            0);
+  EXPECT_TRUE(fs::is_empty(place));
 }
 
 TEST_F(TrialSet, AHostThatIsNoneIsRefused) {

@@ -75,7 +75,7 @@ TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
   refused("[limits]\nmost_scenes = 2.5\n", "limits.most_scenes");
   refused("[limits]\nmove_s = nan\n", "limits.move_s: nan is not within");
   refused("[limits]\nmost_max_strain = 0.1\n",
-          "limits.most_max_strain: it can no longer be set, and is 0.125; take the line out");
+          "limits.most_max_strain: it is a constant, 0.125; take the line out");
   refused("[limits]\nmost_scenes = \"many\"\n", "limits.most_scenes must be a number");
   refused("limits = 3\n", "limits must be a table");
   refused("device = [0]\n", "device must be a string, or a list of strings");

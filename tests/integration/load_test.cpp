@@ -163,10 +163,11 @@ TEST_F(Load, TheServiceCountsTheSame) {
     return sum;
   };
   const double refused = t.at("refused").at("RESOURCE_EXHAUSTED");
-  EXPECT_GE(refused, 6) << "more than 64 were taken";
+  // Two processes are two clients, who get 43 to 48 places by how their calls come.
+  EXPECT_GE(refused, 22);
+  EXPECT_LE(refused, 27);
   EXPECT_EQ(over(t.at("refusing"), -1), refused);
   EXPECT_EQ(over(t.at("opening"), -1), 70 - refused);
-  // Two processes are two clients; neither is given more than its share.
   EXPECT_EQ(rose(R"(teletact_calls_refused_total{kind="touch",reason="full"})") +
                 rose(R"(teletact_calls_refused_total{kind="touch",reason="client_share"})"),
             refused);

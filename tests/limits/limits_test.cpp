@@ -57,12 +57,11 @@ TEST(Limits, ThoseThatNobodySetsAreConstants) {
   std::size_t settable = 0;
   for (const LimitRow& row : limit_rows()) {
     const std::string why = why_refused(row.name, row.value({}));
-    EXPECT_EQ(why.find("can no longer be set") == std::string::npos, row.meaning != nullptr) << row.name;
+    EXPECT_EQ(why.find("it is a constant") == std::string::npos, row.meaning != nullptr) << row.name;
     settable += row.meaning != nullptr;
   }
   EXPECT_EQ(settable, 20U);
-  EXPECT_EQ(why_refused("most_samples", 100),
-            "most_samples: it can no longer be set, and is 16384; take the line out");
+  EXPECT_EQ(why_refused("most_samples", 100), "most_samples: it is a constant, 16384; take the line out");
 }
 
 TEST(Limits, WhatIsBeyondItsRangeIsRefusedByName) {

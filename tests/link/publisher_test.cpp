@@ -43,7 +43,7 @@ class Watcher {
   }
 
  private:
-  Descriptor file_;
+  FileDescriptor file_;
   google::protobuf::io::FileInputStream stream_;
 };
 
@@ -177,7 +177,7 @@ TEST(Publisher, RefusesAPathThatIsInUseAndTakesOverALeftOne) {
     Publisher first(path, header());
     EXPECT_THROW(Publisher(path, header()), std::runtime_error);
   }
-  { const Descriptor left = listen_at("--publish", path); }  // killed: the socket stays
+  { const FileDescriptor left = listen_at("--publish", path); }  // killed: the socket stays
   Publisher again(path, header());
   EXPECT_TRUE(Watcher(path).connected());
 }

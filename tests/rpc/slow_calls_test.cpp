@@ -1,10 +1,8 @@
 // What took long is a line of the log, under the trace of who called, with its stages.
 #include <gtest/gtest.h>
-#include <spdlog/sinks/ostream_sink.h>
 
 #include <algorithm>
 #include <chrono>
-#include <memory>
 #include <optional>
 #include <regex>
 #include <set>
@@ -14,6 +12,7 @@
 
 #include "service/trace/log_formatter.h"
 #include "tests/rpc/estimate_client.h"
+#include "tests/support/kept_log.h"
 
 namespace teletact::service {
 namespace {
@@ -27,14 +26,7 @@ class SlowCalls : public testing::Test {
  protected:
   SlowCalls() {
     rpc_device();  // silences the log before
-    auto own =
-        std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(lines_));
-    own->set_formatter(log_formatter());
-    spdlog::set_default_logger(own);
-  }
-  ~SlowCalls() override {
-    server.reset();
-    spdlog::set_default_logger(before_);
+    log_.emplace(log_formatter());
   }
   // All of what takes longer is told.
   void serve(milliseconds call, milliseconds answer) {
@@ -45,7 +37,7 @@ class SlowCalls : public testing::Test {
   // Lines with this event, from its key on. Ends the service.
   std::vector<std::string> told(const std::string& event) {
     server.reset();
-    std::istringstream log(lines_.str());
+    std::istringstream log(log_->text());
     std::vector<std::string> all;
     for (std::string line; std::getline(log, line);)
       if (const auto at = line.find("event=" + event + " "); at != std::string::npos)
@@ -60,11 +52,12 @@ class SlowCalls : public testing::Test {
     EXPECT_TRUE(
         v1::Palpation::NewStub(server->channel())->CreateScene(&context, uniform_scene(""), &scene).ok());
   }
-  std::optional<RunningServer> server;
 
  private:
-  std::ostringstream lines_;
-  const std::shared_ptr<spdlog::logger> before_ = spdlog::default_logger();
+  std::optional<test::KeptLog> log_;  // outlives who logs
+
+ protected:
+  std::optional<RunningServer> server;
 };
 
 // "displacement strain" for "displacement_s=[0-9.]+ strain_s=[0-9.]+ ".

@@ -12,10 +12,10 @@
 #include "tests/files/temporary_folder.h"
 #include "tests/haptic/inverse3_service.h"
 #include "tests/link/operator.h"
-#include "tests/session/kept_log.h"
 #include "tests/session/session_options.h"
 #include "tests/support/allocation/allocation_count.h"
 #include "tests/support/environment.h"
+#include "tests/support/kept_log.h"
 
 namespace teletact::client {
 namespace {
@@ -179,7 +179,7 @@ TEST(Devices, APluginWithoutAPositionIsToldOfAsADeviceToSeeTo) {
   options.device =
       "plugin:" + teletact::test::required_environment("TELETACT_BINARY_DIR") + "/tests/plugin_silent.so";
   options.still_s = 0.2;
-  const test::KeptLog log;
+  const teletact::test::KeptLog log;
   std::atomic<bool> stop{false};
   std::thread session([&] { run_operator_session(options, stop); });
   EXPECT_TRUE(log.comes("waiting for the device, which cannot be read or written, or states no position"));
@@ -194,7 +194,7 @@ TEST(Devices, APluginThatCannotBeLoadedStandsNowhere) {
   service.serve();
   OperatorSessionOptions options = session_options(test::socket_address("nowhere"));
   options.device = "plugin:/nonexistent.so";
-  const test::KeptLog log;
+  const teletact::test::KeptLog log;
   const std::atomic<bool> stop{false};
   EXPECT_THROW(run_operator_session(options, stop), std::runtime_error);
   EXPECT_FALSE(log.has("the device stands"));
@@ -231,7 +231,7 @@ TEST(Devices, AScaledDeviceSaysWhatItReachesAndIsClutchedByAKey) {
   options.device = template_device("press=0.0045,period=1");
   options.workspace.scale = 2;
   options.begin_m = 0.05;
-  const test::KeptLog log;
+  const teletact::test::KeptLog log;
   std::atomic<bool> stop{false}, pressed{false};
   options.key = [&] { return pressed.exchange(false) ? 'c' : '\0'; };
   TouchSummary summary;
@@ -262,7 +262,7 @@ TEST(Devices, AnInverse3FeelsTheTissue) {
   std::thread session([&] { summary = run_operator_session(options, stop); });
   // GIVEN it stands 5 mm above the tissue WHEN its button is pressed and it is pushed down by 9 mm
   EXPECT_TRUE(service.wait_until([](const FakeAccount& account) { return account.answers > 5; }));
-  const test::KeptLog log;
+  const teletact::test::KeptLog log;
   const auto push_down = [&](int times) {
     inverse3.put_cursor({0, 0, 0.15}, {0, 0, 0});
     inverse3.pressed = true;

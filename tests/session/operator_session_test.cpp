@@ -16,8 +16,8 @@
 #include "client/render/force_limits.h"
 #include "tests/link/fake_palpation.h"
 #include "tests/session/full_disk.h"
-#include "tests/session/kept_log.h"
 #include "tests/session/session_options.h"
+#include "tests/support/kept_log.h"
 
 namespace teletact::client {
 namespace {
@@ -90,7 +90,7 @@ struct Watched {
 
 // All of a session that is about to be published at `path`.
 Watched watch_to_the_end(const std::string& path) {
-  Descriptor file;
+  FileDescriptor file;
   for (int n = 0; n < 500 && !file; ++n) {
     file = connect_to(path);
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -191,7 +191,7 @@ TEST(OperatorSession, SaysWhichLayerIsTouchedWhereNoneLiesAtTheDepthAskedFor) {
   options.duration_s = 0.1;
   const std::atomic<bool> stop{false};
   const auto says_layer = [&](double asked_m) {
-    const test::KeptLog log;
+    const teletact::test::KeptLog log;
     options.open.mutable_layer()->set_depth_m(asked_m);
     run_operator_session(options, stop);
     return log.has("no layer lies there; the nearest is touched, at 0.0140 m");
@@ -235,7 +235,7 @@ TEST(OperatorSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume)
   service.serve();
   OperatorSessionOptions options = test::session_options(test::socket_address("pressed"));
   options.record_path = "/tmp/teletact-pressed-" + std::to_string(::getpid());
-  const test::KeptLog log;
+  const teletact::test::KeptLog log;
   std::atomic<bool> stop{false};
   TouchSummary summary;
   std::thread session([&] { summary = run_operator_session(options, stop); });

@@ -2,12 +2,11 @@
 #include "service/trace/slow_log.h"
 
 #include <gtest/gtest.h>
-#include <spdlog/sinks/ostream_sink.h>
 
-#include <memory>
 #include <new>
-#include <sstream>
 #include <string>
+
+#include "tests/support/kept_log.h"
 
 namespace teletact::service {
 namespace {
@@ -16,24 +15,13 @@ using std::chrono::milliseconds;
 
 class SlowLogs : public testing::Test {
  protected:
-  SlowLogs() {
-    auto own =
-        std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(lines_));
-    own->set_pattern("%l %v");
-    spdlog::set_default_logger(own);
-  }
-  ~SlowLogs() override { spdlog::set_default_logger(before_); }
   // What is said of one that is told of so late.
   std::string said_at(milliseconds time) {
-    lines_.str("");
+    const test::KeptLog kept(test::KeptLog::by_pattern("%l %v"));
     log.tell(SlowLog::Clock::time_point(time), [] { return "method=m"; });
-    return lines_.str();
+    return kept.text();
   }
   SlowLog log{"slow_call", milliseconds(50), milliseconds(1000)};
-
- private:
-  std::ostringstream lines_;
-  const std::shared_ptr<spdlog::logger> before_ = spdlog::default_logger();
 };
 
 TEST_F(SlowLogs, SayOneOfASecondAndCountTheOthers) {

@@ -23,6 +23,7 @@
 #include "client/files/matlab/mat_parser.h"
 #include "client/files/matlab/uff_parser.h"
 #include "client/text/shown.h"
+#include "disk/file_descriptor.h"
 
 namespace teletact::client {
 namespace {
@@ -143,29 +144,12 @@ void parse_and_say(const std::string& how, const std::string& variable, std::siz
 
 // --- in the process that asks
 
-class Descriptor {
- public:
-  explicit Descriptor(int number = -1) : number_(number) {}
-  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(number_, other.number_);
-    return *this;
-  }
-  ~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
-  int number() const { return number_; }
-
- private:
-  int number_;
-};
-
 // Beyond the standard ones, whose numbers the parser's are.
-Descriptor beyond_standard(int number) {
-  Descriptor low(number);
+FileDescriptor beyond_standard(int number) {
+  FileDescriptor low(number);
   return number < 0 || number > STDERR_FILENO
              ? std::move(low)
-             : Descriptor(::fcntl(number, F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
+             : FileDescriptor(::fcntl(number, F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
 }
 
 class Parser {
@@ -174,18 +158,18 @@ class Parser {
          const ParserLimits& limits)
       : path_(path), limits_(limits), file_(beyond_standard(::open(path.c_str(), O_RDONLY | O_CLOEXEC))) {
     std::array<int, 2> pipe{};
-    if (file_.number() < 0 || ::pipe2(pipe.data(), O_CLOEXEC) != 0)
+    if (file_.get() < 0 || ::pipe2(pipe.data(), O_CLOEXEC) != 0)
       throw FileError(path, std::string("cannot be read: ") + std::strerror(errno));
-    answer_ = Descriptor(pipe[0]);
-    const Descriptor out = beyond_standard(pipe[1]);
+    answer_ = FileDescriptor(pipe[0]);
+    const FileDescriptor out = beyond_standard(pipe[1]);
     const std::string which = std::to_string(frame), bytes = std::to_string(limits.address_bytes),
                       seconds = std::to_string(limits.processor.count());
     const char* const arguments[kArguments + 1] = {
         kName, how, variable.c_str(), which.c_str(), bytes.c_str(), seconds.c_str(), nullptr};
     posix_spawn_file_actions_t actions;
     ::posix_spawn_file_actions_init(&actions);
-    ::posix_spawn_file_actions_adddup2(&actions, file_.number(), STDIN_FILENO);
-    ::posix_spawn_file_actions_adddup2(&actions, out.number(), STDOUT_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions, file_.get(), STDIN_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions, out.get(), STDOUT_FILENO);
     ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
     const int failed =
         ::posix_spawn(&process_, "/proc/self/exe", &actions, nullptr, const_cast<char**>(arguments), environ);
@@ -243,14 +227,14 @@ class Parser {
            " MiB to read; save fewer frames in one file");
   }
   std::size_t some(char* at, std::size_t bytes) {
-    pollfd ready{answer_.number(), POLLIN, 0};
+    pollfd ready{answer_.get(), POLLIN, 0};
     const auto patience = std::chrono::milliseconds(limits_.silence).count();
     int polled = 0;
     while ((polled = ::poll(&ready, 1, static_cast<int>(patience))) < 0 && errno == EINTR) {
     }
     if (polled == 0) refuse_time(limits_.silence);
     ssize_t got = 0;
-    while ((got = ::read(answer_.number(), at, bytes)) < 0 && errno == EINTR) {
+    while ((got = ::read(answer_.get(), at, bytes)) < 0 && errno == EINTR) {
     }
     return got > 0 ? static_cast<std::size_t>(got) : 0;
   }
@@ -278,7 +262,7 @@ class Parser {
   }
   const std::filesystem::path path_;
   const ParserLimits limits_;
-  Descriptor file_, answer_;
+  FileDescriptor file_, answer_;
   pid_t process_ = -1;
 };
 
