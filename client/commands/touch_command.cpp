@@ -55,10 +55,10 @@ const std::map<std::string, v1::FingertipShape> kTips = {{"rounded", v1::FINGERT
                                                          {"node", v1::FINGERTIP_SHAPE_NODE},
                                                          {"pad", v1::FINGERTIP_SHAPE_PAD},
                                                          {"sphere", v1::FINGERTIP_SHAPE_SPHERE}};
-const std::map<std::string, v1::SolvePath> kPaths = {
-    {"auto", v1::SOLVE_PATH_UNSPECIFIED}, {"compliance", v1::SOLVE_PATH_COMPLIANCE},
-    {"pcg", v1::SOLVE_PATH_PCG},          {"layer", v1::SOLVE_PATH_LAYER},
-    {"layers", v1::SOLVE_PATH_LAYERS},    {"shares", v1::SOLVE_PATH_SHARES}};
+const std::map<std::string, v1::SolvePath> kPaths = {{"auto", v1::SOLVE_PATH_UNSPECIFIED},
+                                                     {"compliance", v1::SOLVE_PATH_COMPLIANCE},
+                                                     {"gradients", v1::SOLVE_PATH_GRADIENTS},
+                                                     {"shares", v1::SOLVE_PATH_SHARES}};
 
 v1::TouchOpen to_open(const TouchArguments& arguments) {
   v1::TouchOpen open;
@@ -239,8 +239,8 @@ void add_tip_options(CLI::App& command, TouchArguments& arguments) {
   command
       .add_option(
           "--path", arguments.path,
-          "auto, compliance or pcg (slow on planes: ask for a --period-s to match); of a solid also layer, "
-          "layers or shares, its closed forms, of which auto takes what is good enough")
+          "auto, compliance or gradients (slow on planes: ask for a --period-s to match); of a solid also "
+          "shares, a closed form, which auto takes where it is good enough")
       ->check(CLI::IsMember(kPaths));
 }
 

@@ -34,7 +34,7 @@ class PlaneLayer final : public TouchedLayer {
 
   bool prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
                Clock::time_point until) override {
-    if (path_ != SolvePath::kPcg) return true;
+    if (path_ != SolvePath::kGradients) return true;
     const PlanePose at = in_plane(pose);
     const double reach = std::max(around_m, touched_m(tip, std::max(0.0, at.indentation_m)));
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
@@ -141,11 +141,11 @@ std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const T
   if (at == y_m.end() || layer.normal != Layer{}.normal)
     throw std::out_of_range(fmt::format("layer {} m deep: no row of nodes", layer.depth_m));
   const auto row = static_cast<std::size_t>(at - y_m.begin());
-  const bool by_pcg = way.path == SolvePath::kPcg;
-  auto compliance = compliances_->get(row, by_pcg ? way.device : nullptr, work, way.client);
+  const bool by_gradients = way.path == SolvePath::kGradients;
+  auto compliance = compliances_->get(row, by_gradients ? way.device : nullptr, work, way.client);
   if (!compliance) return nullptr;
   return std::make_shared<PlaneLayer>(tissue_, budget_, row, std::move(compliance),
-                                      by_pcg ? SolvePath::kPcg : SolvePath::kCompliance);
+                                      by_gradients ? SolvePath::kGradients : SolvePath::kCompliance);
 }
 
 std::vector<Layer> free_layers(const std::vector<double>& y_m, const Supports& supports) {

@@ -19,7 +19,7 @@ class PlaneTouchModel final : public TouchModel {
   std::vector<Layer> layers() const override;
   TouchCost cost() const override;
   std::string plan() const override;
-  // kCompliance: condensed; kPcg: by conjugate gradients on the way's device. kAuto: condensed.
+  // kCompliance: condensed; kGradients: by conjugate gradients on the way's device. kAuto: condensed.
   std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork&) const override;
 
   const TissueModel& tissue() const { return *tissue_; }

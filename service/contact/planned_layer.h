@@ -1,5 +1,5 @@
-// The surface of solid tissue as one finger touches it: by the cheapest model that is good enough for it
-// there (T9.5). Closed forms where they do, else the nodes.
+// The surface of solid tissue as one finger touches it: by shares of the force where they are good enough for
+// it there, else by the nodes (T9.5).
 #pragma once
 
 #include <array>
@@ -7,35 +7,27 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "service/contact/closed_touch.h"
+#include "service/contact/shares_touch.h"
 #include "service/contact/solid_layer.h"
 
 namespace teletact::service {
 
-// What closed forms may be off by over what is allowed, the cheapest first: layers at their worst place,
-// shares there. Pose: as ClosedTouch has it.
-inline constexpr std::array kClosedForms{SolvePath::kLayer, SolvePath::kLayers, SolvePath::kShares};
-std::array<double, kClosedForms.size()> over_allowed(const ClosedTouch&, const Vector3& pose,
-                                                     const Tolerance&, FiniteStrain);
 // Why shares answer where nodes were chosen.
 inline constexpr const char* kLateReason = "the nodes are not corrected yet, shares answer";
 inline constexpr const char* kFailedReason = "the nodes' correction failed, shares answer";
 inline constexpr const char* kNoContactReason = "the nodes have no contact";
-// What answers a touch by that tip, and why, in a sentence.
-std::string plan_of(const Fingertip&, const ClosedTouch&, const Tolerance&);
 
-// A tip without closed form, and one whose shares are not learned yet, is answered by the nodes. Where these
-// are late, or have no contact (a hard lump at the surface, deep), shares answer if they are off by less.
-// Such an answer is of no solution that converged: it says why, and is trusted as far as the nodes' own would
-// be.
+// A tip that shares do not know, and one whose shares are not learned yet, is answered by the nodes. Where
+// these are late, or have no contact (a hard lump at the surface, deep), shares answer if they are off by
+// less. Such an answer is of no solution that converged: it says why, and is trusted as far as the nodes' own
+// would be.
 class PlannedLayer final : public TouchedLayer {
  public:
-  // way.path: kAuto, or the closed form that is taken as deep as it knows. deviation: as usual_tolerance().
+  // way.path: kAuto, or kShares: they are taken as deep as they know. deviation: as usual_tolerance().
   PlannedLayer(std::shared_ptr<SolidLayer>, const TouchWay&, double deviation);
   SolvePath path() const override { return nodes_->path(); }
   bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point until) override;
@@ -52,20 +44,18 @@ class PlannedLayer final : public TouchedLayer {
   std::array<double, 2> spacing_m(double x_m) const override { return nodes_->spacing_m(x_m); }
 
  private:
-  struct Choice {  // null: the nodes
-    std::shared_ptr<const ClosedTouch> closed;
-    SolvePath path = SolvePath::kPcg;
-  };
+  using Shares = std::shared_ptr<const SharesTouch>;
   PlannedLayer(const PlannedLayer& same, std::shared_ptr<TouchedLayer> nodes);
-  Choice choose(const Fingertip&, const TouchPose&);
-  std::array<double, kClosedForms.size()> over(const ClosedTouch&, const Vector3& at) const;
-  // Whether one of them answers well enough.
-  bool closed_will_do(const Fingertip&, const Vector3& at);
-  std::shared_ptr<const ClosedTouch> closed(const Fingertip&);  // under the mutex
+  // Those that answer; null: the nodes do.
+  Shares choose(const Fingertip&, const TouchPose&);
+  // Those that know this touch; null: none. Under the mutex.
+  Shares shares(const Fingertip&, const Vector3& at);
+  double over(const SharesTouch&, const Vector3& at) const;
+  bool shares_will_do(const Fingertip&, const Vector3& at);
   // By shares, where they are off by less than this, until the nodes are corrected. None of a law, and none
   // where a tolerance was asked for, which they miss.
   std::optional<ContactAnswer> meanwhile(const Fingertip&, const TouchPose&, double error);
-  // Shares as deep as they know; null beyond.
+  // Shares as deep as they know; none beyond. Under the mutex.
   std::optional<ContactAnswer> in_the_nodes_place(const Fingertip&, const Vector3& at, const char* reason);
   const std::shared_ptr<SolidLayer> solid_;
   const std::shared_ptr<TouchedLayer> nodes_;  // the same, or apart from it
@@ -75,8 +65,8 @@ class PlannedLayer final : public TouchedLayer {
   const bool asked_for_;  // the tolerance
   std::mutex mutex_;      // of these
   const std::shared_ptr<Planner> planner_;
-  std::pair<Fingertip, std::shared_ptr<const ClosedTouch>> closed_;  // of the last tip; null: none
-  std::atomic<bool> by_nodes_ = true;                                // the last answer
+  std::pair<Fingertip, Shares> shares_;  // of the last tip; null: none
+  std::atomic<bool> by_nodes_ = true;    // the last answer
 };
 
 }  // namespace teletact::service

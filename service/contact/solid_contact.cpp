@@ -192,45 +192,38 @@ bool SolidContact<T>::has_learned() const {
 }
 
 template <class T>
-std::shared_ptr<const ClosedTouch> SolidContact<T>::closed(const Fingertip& tip) const {
+std::shared_ptr<const SharesTouch> SolidContact<T>::shares(const Fingertip& tip) const {
   const auto felt = [&] {
     const std::lock_guard lock(mutex_);
     return felt_force_;
   }();
-  if (!felt) return nullptr;
-  const ExactTouches exact = exact_touches(tip);
-  if (!exact.layers || exact.layers->most_m() == 0 || exact.unit_layer->most_m() == 0) return nullptr;
-  auto closed =
-      std::make_shared<const ClosedTouch>(tissue_, tip, exact.unit_layer, exact.layers, felt, drift_.scale);
-  return closed->most_m() > 0 ? closed : nullptr;
+  const auto exact = felt ? exact_touch(tip) : nullptr;
+  if (!exact) return nullptr;
+  auto shares = std::make_shared<const SharesTouch>(tissue_, tip, exact, felt, drift_.scale);
+  return shares->most_m() > 0 ? shares : nullptr;
 }
 
 template <class T>
-auto SolidContact<T>::exact_touches(const Fingertip& tip) const -> ExactTouches {
+std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_touch(const Fingertip& tip) const {
   constexpr std::size_t kMostTips = 32;
-  if (row() > 0 || !LayeredTouch::knows(tip)) return {};
+  if (row() > 0 || !LayeredTouch::knows(tip)) return nullptr;
   auto& exact = factor_->exact;
-  const auto found = [&]() -> std::optional<ExactTouches> {
+  const auto found = [&]() -> std::shared_ptr<const LayeredTouch> {
     const auto at = std::ranges::find(exact, tip, [](const auto& e) { return e.first; });
-    if (at == exact.end()) return {};
+    if (at == exact.end()) return nullptr;
     std::rotate(at, at + 1, exact.end());  // the one used longest ago goes first
     return exact.back().second;
   };
   {
     const std::lock_guard lock(factor_->exact_mutex);
-    if (const auto known = found()) return *known;
+    if (auto known = found()) return known;
   }
-  const auto table = [&](std::vector<double> thickness_m, std::vector<double> modulus_pa) {
-    return std::make_shared<const LayeredTouch>(
-        LayerStack{std::move(thickness_m), std::move(modulus_pa), tissue_.poisson_ratio}, tip);
-  };
-  std::vector<double> thickness_m;
+  LayerStack stack{{}, modulus_->layers.youngs_modulus_pa, tissue_.poisson_ratio};
   for (std::size_t j = 0; j < tissue_.grid.layers(); ++j)
-    thickness_m.push_back(tissue_.grid.y_m[j + 1] - tissue_.grid.y_m[j]);
-  const ExactTouches made{table(thickness_m, modulus_->layers.youngs_modulus_pa),
-                          table({tissue_.grid.y_m.back()}, {1})};
+    stack.thickness_m.push_back(tissue_.grid.y_m[j + 1] - tissue_.grid.y_m[j]);
+  auto made = std::make_shared<const LayeredTouch>(stack, tip);
   const std::lock_guard lock(factor_->exact_mutex);
-  if (const auto known = found()) return *known;
+  if (auto known = found()) return known;
   if (exact.size() == kMostTips) exact.pop_front();
   exact.emplace_back(tip, made);
   return made;
@@ -243,7 +236,7 @@ ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& 
   if (!(pose[1] > 0)) return answer;
   const SolidGrid& grid = tissue_.grid;
   double of_mesh = kOfMesh;
-  if (const auto exact = exact_touches(tip).layers; exact && exact->most_m() > 0) {
+  if (const auto exact = exact_touch(tip); exact && exact->most_m() > 0) {
     const double known_m = exact->most_m();
     const Vector3 at{pose[0], std::min(pose[1], known_m), pose[2]};
     const LayeredTouch::At layers = exact->at(at[1]).times(1 / drift_.scale);

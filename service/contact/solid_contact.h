@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "service/contact/closed_touch.h"
 #include "service/contact/layered_touch.h"
+#include "service/contact/shares_touch.h"
 #include "service/contact/touch_model.h"
 #include "service/plan/choices.h"
 #include "service/solid/felt_modulus.h"
@@ -61,13 +61,13 @@ class SolidContact {
   // Finds how its modulus is felt, once: answers before that take all tissue for layered. One thread at a
   // time.
   void feel();
-  // Finds how forces on its surface follow from its modulus alone, once: closed() is null before that. By any
+  // Finds how forces on its surface follow from its modulus alone, once: shares() is null before that. By any
   // thread, beside the others; on this queue, and with the solver, which it locks for each of its solutions.
   void learn_shares(const Queue&, std::mutex& solving);
   bool has_learned() const;
-  // The same touch without nodes; null where no closed form is known: of other tips, below the surface. By
-  // any thread; the first of a tip takes some ms.
-  std::shared_ptr<const ClosedTouch> closed(const Fingertip&) const;
+  // The same touch without nodes; null where no shares are known: of other tips, below the surface. By any
+  // thread; the first of a tip takes some ms.
+  std::shared_ptr<const SharesTouch> shares(const Fingertip&) const;
   // What is known by now, by any thread beside the others.
   // Pose: [x, indentation, z], x and z in the block's coordinates, the indentation from the undeformed row.
   // U(pose) = max over p_y >= 0, p_x, p_z of p.w(pose) - p.(S + C(pose)) p / 2 + W(p_y, pose), as in
@@ -109,10 +109,6 @@ class SolidContact {
     std::mutex learning;                 // of the shares of forces on the surface
     std::optional<ForceShares> force_shares;
   };
-  // Of a tip: of the layers, and of a homogeneous layer of 1 Pa.
-  struct ExactTouches {
-    std::shared_ptr<const LayeredTouch> layers, unit_layer;
-  };
   // Shared by all contacts whose modulus it solves.
   struct Factor {
     Factor(const Queue&, const SolidTissue&);
@@ -125,7 +121,7 @@ class SolidContact {
     // Of the layers under the tips touched last, under this mutex: answers wait for no row that is being
     // made.
     std::mutex exact_mutex;
-    std::deque<std::pair<Fingertip, ExactTouches>> exact;
+    std::deque<std::pair<Fingertip, std::shared_ptr<const LayeredTouch>>> exact;
   };
   SolidContact(const SolidTissue&, std::shared_ptr<Factor>, std::shared_ptr<const SolidModulus<T>>,
                std::size_t row);
@@ -133,8 +129,8 @@ class SolidContact {
   Known known(const Fingertip&) const;
   ContactAnswer answer_by(const RecycledCompliance&, const Fingertip&, const Vector3& pose,
                           double force_error) const;
-  // Both null where they do not know the tip, or the row is not the surface.
-  ExactTouches exact_touches(const Fingertip&) const;
+  // Of the layers; null where it does not know the tip, or the row is not the surface.
+  std::shared_ptr<const LayeredTouch> exact_touch(const Fingertip&) const;
   SolidTissue tissue_;
   std::shared_ptr<Factor> factor_;
   std::shared_ptr<const SolidModulus<T>> modulus_;

@@ -27,7 +27,7 @@ class SolidLayer final : public TouchedLayer {
   SolidLayer(const SolidLayer& same, std::size_t row, const MemoryAccount&);
 
   double drift() const { return contact_.drift().shape; }
-  SolvePath path() const override { return SolvePath::kPcg; }
+  SolvePath path() const override { return SolvePath::kGradients; }
   // Corrections are made beside; none is waited for by a finger that is followed.
   bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point until) override;
   bool welcomes(const Fingertip&, const TouchPose&) override;
@@ -46,7 +46,7 @@ class SolidLayer final : public TouchedLayer {
   std::exception_ptr not_learned();
   // Whether what it took the place of had learned: until it has, that one answers.
   bool follows_learned() const { return follows_learned_; }
-  std::shared_ptr<const ClosedTouch> closed(const Fingertip& tip) const { return contact_.closed(tip); }
+  std::shared_ptr<const SharesTouch> shares(const Fingertip& tip) const { return contact_.shares(tip); }
   Vector3 in_block(const TouchPose&) const;
   // Throws std::out_of_range where the tip is beside the block.
   void require_covered(const Fingertip&, const TouchPose&) const;

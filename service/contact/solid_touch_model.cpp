@@ -85,9 +85,16 @@ TouchCost SolidTouchModel::cost() const {
 std::string SolidTouchModel::plan() const {
   const Fingertip usual;
   const auto surface = ready(*state_).first;
-  const auto closed = surface ? surface->closed(usual) : nullptr;
-  if (!closed) return "how its surface is touched is planned at the first touch";
-  return plan_of(usual, *closed, usual_tolerance(state_->block.log_deviation));
+  const auto shares = surface ? surface->shares(usual) : nullptr;
+  if (!shares) return "how its surface is touched is planned at the first touch";
+  constexpr double kUsualM = 0.002;
+  const double off = shares->most_half_width(kUsualM);
+  const Tolerance tolerance = usual_tolerance(state_->block.log_deviation);
+  return fmt::format(
+      "a round tip of {:.3g} mm is answered by log-weighted shares{}: at {:.0f} mm they may be off by up to "
+      "{:.2g} %, where {:.2g} % or {:.2g} mN are allowed",
+      1e3 * usual.radius_m, off <= tolerance.relative ? "" : " where they do, else by the nodes of the solid",
+      1e3 * kUsualM, 100 * off, 100 * tolerance.relative, 1e3 * tolerance.force_n);
 }
 
 std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const TouchWay& way,
@@ -97,18 +104,20 @@ std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const T
   if (at == all.end())
     throw std::out_of_range(fmt::format("layer {} m deep: no row of nodes that is free", layer.depth_m));
   if (way.path == SolvePath::kCompliance)
-    throw std::invalid_argument("open.path: a solid has too many unknowns to be condensed; use auto or pcg");
+    throw std::invalid_argument(
+        "open.path: a solid has too many unknowns to be condensed; use auto or gradients");
   if (!way.device) throw DeviceError("solid tissue is solved on an OpenCL device, and there is none");
-  const bool closed = way.path != SolvePath::kAuto && way.path != SolvePath::kPcg;
+  const bool by_shares = way.path == SolvePath::kShares;
   const auto below = static_cast<std::size_t>(at - all.begin());
-  if (closed && below > 0)
-    throw std::invalid_argument("open.path: below the surface a solid has no closed form; use auto or pcg");
+  if (by_shares && below > 0)
+    throw std::invalid_argument(
+        "open.path: below the surface a solid has no closed form; use auto or gradients");
   auto top = surface(way, work);
-  if (top && below == 0 && way.path != SolvePath::kPcg && way.closed_forms) {
+  if (top && below == 0 && way.path != SolvePath::kGradients && way.shares) {
     if (!SolidLayer::learned(top, work, way.client)) {
       const auto failure = top->not_learned();
-      if (closed && failure) std::rethrow_exception(failure);
-      if (closed || (top->follows_learned() && !failure)) return nullptr;
+      if (by_shares && failure) std::rethrow_exception(failure);
+      if (by_shares || (top->follows_learned() && !failure)) return nullptr;
     }
     return std::make_shared<PlannedLayer>(std::move(top), way, state_->block.log_deviation);
   }

@@ -29,9 +29,9 @@ class Device;
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  // row-major
 
-// How answers are computed, where a model has several ways; kAuto: the model's own choice. Of solids kLayer,
-// kLayers and kShares are closed forms (closed_touch.h), from the cheapest to the best.
-enum class SolvePath { kAuto, kCompliance, kPcg, kLayer, kLayers, kShares };
+// How answers are computed, where a model has several ways; kAuto: the model's own choice. kCompliance is of
+// planes, kShares of solids (shares_touch.h).
+enum class SolvePath { kAuto, kCompliance, kGradients, kShares };
 
 enum class FingertipShape { kNode, kFlatPunch, kRoundedTip, kPad, kSphere };
 enum class Friction { kFrictionless, kStuck };
@@ -116,7 +116,7 @@ struct TouchWay {
   SolvePath path = SolvePath::kAuto;
   std::shared_ptr<Device> device = {};      // where the path asks for one
   std::string client = {};                  // in whose turn it is made ready
-  bool closed_forms = true;                 // of a tip that has some
+  bool shares = true;                       // of a tip that has some
   std::optional<Tolerance> tolerance = {};  // none: as usual, or half of what the modulus is known to
   bool pressure = false;                    // answers have to tell pressures
   std::shared_ptr<Planner> planner = {};    // of the finger; none: each touch is planned on its own

@@ -88,21 +88,15 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
     case v1::SOLVE_PATH_COMPLIANCE:
       options.path = SolvePath::kCompliance;
       break;
-    case v1::SOLVE_PATH_PCG:
-      options.path = SolvePath::kPcg;
-      break;
-    case v1::SOLVE_PATH_LAYER:
-      options.path = SolvePath::kLayer;
-      break;
-    case v1::SOLVE_PATH_LAYERS:
-      options.path = SolvePath::kLayers;
+    case v1::SOLVE_PATH_GRADIENTS:
+      options.path = SolvePath::kGradients;
       break;
     case v1::SOLVE_PATH_SHARES:
       options.path = SolvePath::kShares;
       break;
     default:
       throw std::invalid_argument(
-          "open.path: unknown; leave it out, or use COMPLIANCE, PCG, LAYER, LAYERS or SHARES");
+          "open.path: unknown, or no longer there; leave it out, or use COMPLIANCE, GRADIENTS or SHARES");
   }
   return wishes;
 }
@@ -146,12 +140,8 @@ v1::SolvePath path_to(SolvePath path) {
       return v1::SOLVE_PATH_UNSPECIFIED;
     case SolvePath::kCompliance:
       return v1::SOLVE_PATH_COMPLIANCE;
-    case SolvePath::kPcg:
-      return v1::SOLVE_PATH_PCG;
-    case SolvePath::kLayer:
-      return v1::SOLVE_PATH_LAYER;
-    case SolvePath::kLayers:
-      return v1::SOLVE_PATH_LAYERS;
+    case SolvePath::kGradients:
+      return v1::SOLVE_PATH_GRADIENTS;
     case SolvePath::kShares:
       return v1::SOLVE_PATH_SHARES;
   }

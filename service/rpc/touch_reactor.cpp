@@ -81,7 +81,8 @@ void TouchReactor::open(const v1::TouchOpen& open) {
   wishes.touch.client = client_of(*context_);
   wishes.may_steer = required().need == Need::kSteer;
   const TouchQueue::Principal principal = principal_of(wishes);
-  const auto kind = wishes.touch.path == SolvePath::kPcg ? TouchQueue::kLongTurns : TouchQueue::kShortTurns;
+  const auto kind =
+      wishes.touch.path == SolvePath::kGradients ? TouchQueue::kLongTurns : TouchQueue::kShortTurns;
   if (const auto load = core_.touch.overload(principal, kind)) core_.calls.refuse_for_load(id(), *load);
   stream_ =
       std::make_unique<TouchStream>(core_.scenes.find(open.scene_id()), std::move(wishes), core_.device);

@@ -52,20 +52,12 @@ FeltForce::FeltForce(const SolidGrid& grid, std::vector<double> radius_m,
   for (double& a : log_radius_) a = std::log(a);
 }
 
-std::vector<FeltForce::Extent> FeltForce::extents() const {
-  const auto nx = static_cast<Eigen::Index>(nx_), nz = static_cast<Eigen::Index>(nz_);
-  std::vector<Extent> out;
-  for (std::size_t r = 0; r < mean_.size(); ++r) {
-    const Eigen::Map<const Eigen::MatrixXd> mean(mean_[r].data(), nx, nz);
-    double steepest = 0;
-    for (Eigen::Index k = 0; k < nz; ++k)
-      for (Eigen::Index i = 0; i < nx; ++i)
-        steepest = std::max(steepest, std::hypot((mean((i + 1) % nx, k) - mean(i, k)) / spacing_x_m_,
-                                                 (mean(i, (k + 1) % nz) - mean(i, k)) / spacing_z_m_));
-    out.push_back({std::exp(log_radius_[r]), mean.minCoeff(), mean.maxCoeff(), steepest,
-                   std::max(0.0, variance_[r].maxCoeff())});
-  }
-  return out;
+double FeltForce::most_log_variance(double radius_m) const {
+  const auto above = static_cast<std::size_t>(std::ranges::lower_bound(log_radius_, std::log(radius_m)) -
+                                              log_radius_.begin());
+  const std::size_t last = log_radius_.size() - 1;
+  return std::max(
+      {0.0, variance_[std::min(above, last)].maxCoeff(), variance_[above > 0 ? above - 1 : 0].maxCoeff()});
 }
 
 FeltForce::At FeltForce::at(double x_m, double z_m, double radius_m) const {

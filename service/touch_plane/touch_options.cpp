@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/contact/layered_touch.h"
+
 namespace teletact::service {
 namespace {
 
@@ -47,13 +49,11 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
   }
 }
 
-void check_path(const TouchOptions& options, bool closed_forms) {
-  const SolvePath path = options.path;
-  if (path != SolvePath::kLayer && path != SolvePath::kLayers && path != SolvePath::kShares) return;
-  if (closed_forms && !options.pressure) return;
+void check_path(const TouchOptions& options, bool shares) {
+  if (options.path != SolvePath::kShares || (shares && !options.pressure)) return;
   throw std::invalid_argument(
-      "open.path: LAYER, LAYERS and SHARES are closed forms of a frictionless ROUNDED_TIP or SPHERE on a "
-      "solid's surface, without pressures or tactile images; leave the path out");
+      "open.path: SHARES is a closed form of a frictionless ROUNDED_TIP or SPHERE on a solid's surface, "
+      "without pressures or tactile images; leave the path out");
 }
 
 void check_normal(const Vector3& asked, const Layer& layer) {
@@ -82,15 +82,13 @@ TouchOptions canonical(TouchOptions options) {
   return options;
 }
 
-bool has_closed_forms(const TouchOptions& options, const Layer& layer, bool solid) {
-  const Fingertip& tip = options.fingertip;
-  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
-  return solid && layer == Layer{} && round && tip.friction == Friction::kFrictionless;
+bool has_shares(const TouchOptions& options, const Layer& layer, bool solid) {
+  return solid && layer == Layer{} && LayeredTouch::knows(options.fingertip);
 }
 
 void check(const TouchOptions& options, const Layer& layer, bool solid, const Limits& limits) {
   check_fingertip(options.fingertip, solid, limits);
-  check_path(options, has_closed_forms(options, layer, solid));
+  check_path(options, has_shares(options, layer, solid));
   if (options.layer_normal) check_normal(*options.layer_normal, layer);
 }
 

@@ -21,8 +21,8 @@ struct TouchOptions {
 
 // With what its tip's shape does not use as in every other tip of that shape.
 TouchOptions canonical(TouchOptions);
-// Closed forms are of a solid's surface and round tips.
-bool has_closed_forms(const TouchOptions&, const Layer&, bool solid);
+// Shares of the force are of a solid's surface and frictionless round tips.
+bool has_shares(const TouchOptions&, const Layer&, bool solid);
 // Throws std::invalid_argument (field named) for what this layer of this tissue cannot be touched with.
 void check(const TouchOptions&, const Layer&, bool solid, const Limits&);
 

@@ -48,8 +48,8 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
   const auto given = scene_->snapshot()->modulus;
   const bool solid = given && given->solid();
   check(options_, layer_, solid, scene_->limits());
-  way_.closed_forms = has_closed_forms(options_, layer_, solid);
-  if (way_.closed_forms) {  // laws are of each tolerance
+  way_.shares = has_shares(options_, layer_, solid);
+  if (way_.shares) {  // laws are of each tolerance
     way_.tolerance = options_.tolerance;
     way_.pressure = options_.pressure;
     way_.planner = std::make_shared<Planner>();
@@ -64,7 +64,8 @@ TouchSession::~TouchSession() {
 void TouchSession::use(const std::shared_ptr<Device>& device) {
   if (device == way_.device) return;
   way_.device = device;
-  if (way_.path == SolvePath::kPcg || (touched_ && touched_->path() == SolvePath::kPcg)) leave_window();
+  if (way_.path == SolvePath::kGradients || (touched_ && touched_->path() == SolvePath::kGradients))
+    leave_window();
 }
 
 // In what way the position is not one of a finger on this tissue; empty when it is.
@@ -140,7 +141,7 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
 std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, const Vector3& near_m) const
     try {
   const bool plane = !std::isfinite(window.region.begin_z_m);
-  if (plane && way_.path == SolvePath::kPcg) return nullptr;
+  if (plane && way_.path == SolvePath::kGradients) return nullptr;
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
   if (!touched) return nullptr;
   return window.model->laws().get(options_.fingertip, layer_, way_, touched, window.region, near_m,
@@ -169,7 +170,7 @@ bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const
   if (window_ && work && !arrived(pose)) return true;
   if (window_ && !may_enter(*window)) return true;
   window_ = window, touched_ = std::move(layer), arriving_.reset();
-  if (way_.path == SolvePath::kPcg || !work) return true;
+  if (way_.path == SolvePath::kGradients || !work) return true;
   for (const auto& next : snapshot.windows)  // where the finger may go from here
     if (next != window && adjoin(*next, *window)) try {
         next->model->layer(layer_, way_, work);

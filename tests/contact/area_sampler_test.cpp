@@ -29,7 +29,7 @@ struct Written final : TouchedLayer {
   bool loses_device = false;
   mutable Vector3 prepared{1e9, 0, 0};
 
-  SolvePath path() const override { return SolvePath::kPcg; }
+  SolvePath path() const override { return SolvePath::kGradients; }
   bool prepare(const Fingertip&, const TouchPose& pose, double, Clock::time_point) override {
     if (loses_device) throw DeviceError("lost");
     if (fails_to_correct(pose.position_m[0])) throw std::runtime_error("the device is lost");

@@ -36,8 +36,8 @@ TEST(DeformedLayer, OfAPlaneIsTheReferencesUnderTheContactsForces) {
   TissueModelOptions options;
   options.touch_begin_m = 0.010, options.touch_end_m = 0.045;
   const PlaneTouchModel model(std::make_shared<TissueModel>(grid, material, Supports{}, options));
-  const TouchWay by_pcg{.path = SolvePath::kPcg, .device = test_device()};
-  for (const TouchWay& way : {TouchWay{}, by_pcg})
+  const TouchWay by_gradients{.path = SolvePath::kGradients, .device = test_device()};
+  for (const TouchWay& way : {TouchWay{}, by_gradients})
     for (const Friction friction : {Friction::kFrictionless, Friction::kStuck}) {
       const auto layer = model.layer({}, way, {});
       Fingertip tip;

@@ -46,15 +46,15 @@ ContactAnswer touch(TouchedLayer& layer, const TouchPose& pose = kOver) {
   return layer.touch(kTip, pose);
 }
 
-TEST(PlannedLayer, TakesTheCheapestModelThatIsGoodEnough) {
+TEST(PlannedLayer, TakesSharesWhereTheyAreGoodEnough) {
   const SolidTouchModel lump = model(4);
   const auto path_at = [&](const Tolerance& tolerance) {
     return touch(*lump.layer({}, way(tolerance), {})).path;
   };
-  EXPECT_EQ(path_at({0.5, 0}), SolvePath::kLayer);
+  EXPECT_EQ(path_at({0.5, 0}), SolvePath::kShares);
   EXPECT_EQ(path_at({0.12, 0}), SolvePath::kShares);
   EXPECT_EQ(path_at({0.0005, 0}), SolvePath::kAuto) << "by the nodes, as all of its layer";
-  EXPECT_EQ(path_at({0.0005, 1}), SolvePath::kLayer) << "a newton is allowed";
+  EXPECT_EQ(path_at({0.0005, 1}), SolvePath::kShares) << "a newton is allowed";
 }
 
 TEST(PlannedLayer, WhereTheModulusIsBadlyKnownLessWillDo) {
@@ -77,7 +77,8 @@ TEST(PlannedLayer, WhatItTakesIsAllowed) {
     for (const double d : {0.0005, 0.002, 0.004}) {
       const Tolerance tolerance{share, 0};
       const ContactAnswer answer = touch(*lump.layer({}, way(tolerance), {}), {{0.032, d, 0.032}});
-      const ContactAnswer nodes = touch(*lump.layer({}, way({}, SolvePath::kPcg), {}), {{0.032, d, 0.032}});
+      const ContactAnswer nodes =
+          touch(*lump.layer({}, way({}, SolvePath::kGradients), {}), {{0.032, d, 0.032}});
       if (tolerance.allows(nodes.budget, -nodes.force_n[1])) {
         EXPECT_TRUE(tolerance.allows(answer.budget, -answer.force_n[1])) << share << ", " << d;
       }
@@ -87,7 +88,7 @@ TEST(PlannedLayer, WhatItTakesIsAllowed) {
 TEST(PlannedLayer, AnswersAreCloseToEachOtherWhateverTheModel) {
   const SolidTouchModel lump = model(4);
   const auto layer = lump.layer({}, way(Tolerance{0.12, 0}), {}),
-             nodes = lump.layer({}, way({}, SolvePath::kPcg), {});
+             nodes = lump.layer({}, way({}, SolvePath::kGradients), {});
   const ContactAnswer one = touch(*layer), other = touch(*nodes);
   ASSERT_EQ(one.path, SolvePath::kShares);
   EXPECT_NEAR(one.force_n[1] / other.force_n[1], 1, one.budget.of_model());
@@ -97,9 +98,8 @@ TEST(PlannedLayer, AnswersAreCloseToEachOtherWhateverTheModel) {
 
 TEST(PlannedLayer, ANameOverrules) {
   const SolidTouchModel lump = model(30);
-  for (const SolvePath path : {SolvePath::kLayer, SolvePath::kLayers, SolvePath::kShares})
-    EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1e-4, 0}, path), {})).path, path);
-  EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1, 1}, SolvePath::kPcg), {})).path, SolvePath::kAuto);
+  EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1e-4, 0}, SolvePath::kShares), {})).path, SolvePath::kShares);
+  EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1, 1}, SolvePath::kGradients), {})).path, SolvePath::kAuto);
   EXPECT_THROW(lump.layer(lump.layers()[2], way({}, SolvePath::kShares), {}), std::invalid_argument);
 }
 
@@ -115,7 +115,7 @@ TEST(PlannedLayer, PressuresAreTheNodes) {
 // Nobody waits for what is learned: the nodes answer until then.
 TEST(PlannedLayer, IsAnsweredByTheNodesUntilItHasLearned) {
   const SolidTouchModel lump = model(1);
-  lump.layer({}, way({}, SolvePath::kPcg), {});  // its surface is ready
+  lump.layer({}, way({}, SolvePath::kGradients), {});  // its surface is ready
   std::vector<std::function<void()>> jobs;
   const TouchWork later = [&](const std::string&, std::function<void()> job) {
     jobs.push_back(std::move(job));
@@ -127,12 +127,12 @@ TEST(PlannedLayer, IsAnsweredByTheNodesUntilItHasLearned) {
   EXPECT_EQ(lump.layer({}, way({}, SolvePath::kShares), later), nullptr) << "by name it waits";
   ASSERT_EQ(jobs.size(), 1u) << "asked for once";
   jobs.front()();
-  EXPECT_EQ(touch(*layer).path, SolvePath::kLayer);
+  EXPECT_EQ(touch(*layer).path, SolvePath::kShares);
   EXPECT_NE(lump.layer({}, way({}, SolvePath::kShares), later), nullptr);
-  EXPECT_NE(lump.plan().find("a homogeneous layer"), std::string::npos) << lump.plan();
+  EXPECT_NE(lump.plan().find("answered by log-weighted shares: at 2 mm"), std::string::npos) << lump.plan();
 }
 
-// A new modulus in the place of one that closed forms answer: that answers on until they know the new one.
+// A new modulus in the place of one that shares answer: that answers on until they know the new one.
 TEST(PlannedLayer, IsNotLeftForTheNodesBetweenVersions) {
   const SolidTouchModel before = model(1);
   before.layer({}, way(), {});
@@ -143,11 +143,17 @@ TEST(PlannedLayer, IsNotLeftForTheNodesBetweenVersions) {
   };
   EXPECT_EQ(next.layer({}, way(), later), nullptr);
   ASSERT_EQ(jobs.size(), 1u);
-  EXPECT_NE(next.layer({}, way({}, SolvePath::kPcg), later), nullptr) << "nodes wait for nothing";
+  EXPECT_NE(next.layer({}, way({}, SolvePath::kGradients), later), nullptr) << "nodes wait for nothing";
   jobs.front()();
   const auto layer = next.layer({}, way(), later);
   ASSERT_TRUE(layer);
-  EXPECT_EQ(touch(*layer).path, SolvePath::kLayer);
+  EXPECT_EQ(touch(*layer).path, SolvePath::kShares);
+}
+
+TEST(PlannedLayer, ThePlanSaysWhereTheNodesAnswer) {
+  const SolidTouchModel hard = model(30);
+  hard.layer({}, way(), {});
+  EXPECT_NE(hard.plan().find("shares where they do, else by the nodes"), std::string::npos) << hard.plan();
 }
 
 // Nodes of a hard lump at the surface: a deep tip has no contact there.
@@ -159,7 +165,7 @@ TEST(PlannedLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
   });
   const SolidTouchModel hard(std::move(block), MemoryAccount{});
   const TouchPose deep{{0.032, 0.004, 0.032}};
-  EXPECT_THROW(touch(*hard.layer({}, way({}, SolvePath::kPcg), {}), deep), std::domain_error);
+  EXPECT_THROW(touch(*hard.layer({}, way({}, SolvePath::kGradients), {}), deep), std::domain_error);
   const ContactAnswer answer = touch(*hard.layer({}, way(), {}), deep);
   EXPECT_EQ(answer.path, SolvePath::kShares);
   EXPECT_LT(answer.force_n[1], -0.5);

@@ -2,10 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
 #include <chrono>
 #include <cmath>
-#include <cstddef>
 #include <random>
 
 namespace teletact::service {
@@ -13,48 +11,49 @@ namespace {
 
 using std::chrono::milliseconds;
 constexpr Planner::Clock::time_point kBegin{};
-using Three = std::array<double, 3>;
 
-TEST(Planner, TakesTheCheapestThatIsGoodEnoughElseTheFinest) {
-  EXPECT_EQ(Planner().choose(Three{0.9, 0.1, 0}, kBegin), 0u);
-  EXPECT_EQ(Planner().choose(Three{1.1, 0.9, 0}, kBegin), 1u);
-  EXPECT_EQ(Planner().choose(Three{1.1, 1.1, 1.0}, kBegin), 2u);
-  EXPECT_EQ(Planner().choose(Three{5, 4, 3}, kBegin), 2u);
-  EXPECT_EQ(Planner().choose(Three{NAN, NAN, NAN}, kBegin), 2u);
+TEST(Planner, TakesSharesWhereTheyAreGoodEnough) {
+  EXPECT_TRUE(Planner().takes_shares(0.9, kBegin));
+  EXPECT_TRUE(Planner().takes_shares(1.0, kBegin));
+  EXPECT_FALSE(Planner().takes_shares(1.1, kBegin));
+  EXPECT_FALSE(Planner().takes_shares(NAN, kBegin));
 }
 
-TEST(Planner, ClimbsAtOnceAndDescendsAfterASecondOfHalfTheTolerance) {
+TEST(Planner, LeavesSharesAtOnceAndComesBackAfterASecondOfHalfTheTolerance) {
   Planner planner;
-  EXPECT_EQ(planner.choose(Three{0.4, 0.2, 0}, kBegin), 0u);
-  EXPECT_EQ(planner.choose(Three{1.2, 0.2, 0}, kBegin + milliseconds(1)), 1u);
-  EXPECT_EQ(planner.choose(Three{0.9, 0.2, 0}, kBegin + milliseconds(3000)), 1u) << "not half";
-  EXPECT_EQ(planner.choose(Three{0.4, 0.2, 0}, kBegin + milliseconds(4000)), 1u);
-  EXPECT_EQ(planner.choose(Three{0.4, 0.2, 0}, kBegin + milliseconds(4900)), 1u);
-  EXPECT_EQ(planner.choose(Three{0.6, 0.2, 0}, kBegin + milliseconds(4950)), 1u) << "begins anew";
-  EXPECT_EQ(planner.choose(Three{0.4, 0.2, 0}, kBegin + milliseconds(5000)), 1u);
-  EXPECT_EQ(planner.choose(Three{0.4, 0.2, 0}, kBegin + milliseconds(6000)), 0u);
-  EXPECT_EQ(planner.choose(Three{7, 5, 0}, kBegin + milliseconds(6001)), 2u) << "over what is not enough";
+  EXPECT_TRUE(planner.takes_shares(0.4, kBegin));
+  EXPECT_FALSE(planner.takes_shares(1.2, kBegin + milliseconds(1)));
+  EXPECT_FALSE(planner.takes_shares(0.9, kBegin + milliseconds(3000))) << "not half";
+  EXPECT_FALSE(planner.takes_shares(0.4, kBegin + milliseconds(4000)));
+  EXPECT_FALSE(planner.takes_shares(0.4, kBegin + milliseconds(4900)));
+  EXPECT_FALSE(planner.takes_shares(0.6, kBegin + milliseconds(4950))) << "begins anew";
+  EXPECT_FALSE(planner.takes_shares(0.4, kBegin + milliseconds(5000)));
+  EXPECT_TRUE(planner.takes_shares(0.4, kBegin + milliseconds(6000)));
+  EXPECT_FALSE(planner.takes_shares(5, kBegin + milliseconds(6001)));
+  EXPECT_FALSE(planner.takes_shares(0.4, kBegin + milliseconds(6500)));
+  EXPECT_FALSE(planner.takes_shares(0.4, kBegin + milliseconds(7400))) << "since it left";
 }
 
 TEST(Planner, OnABorderItDoesNotGoToAndFro) {
   Planner planner;
   std::mt19937 random(2);
   std::normal_distribution<double> about(1, 0.15);
-  std::size_t before = planner.choose(Three{1, 0.5, 0}, kBegin), changes = 0;
+  bool before = planner.takes_shares(1, kBegin);
+  int changes = 0;
   constexpr milliseconds kTenMinutes{600000};
   for (milliseconds t{0}; t < kTenMinutes; t += milliseconds(20)) {
-    const std::size_t now = planner.choose(Three{about(random), 0.5, 0}, kBegin + t);
+    const bool now = planner.takes_shares(about(random), kBegin + t);
     changes += now != before;
     before = now;
   }
-  EXPECT_LE(changes, 1u);  // up, once
-  EXPECT_EQ(before, 1u);
+  EXPECT_LE(changes, 1);  // to the nodes, once
+  EXPECT_FALSE(before);
 }
 
 TEST(Planner, WithNoPatienceItRemembersNothing) {
   Planner planner(Planner::Clock::duration::zero());
-  EXPECT_EQ(planner.choose(Three{2, 0.9, 0}, kBegin), 1u);
-  EXPECT_EQ(planner.choose(Three{0.9, 0.9, 0}, kBegin), 0u);
+  EXPECT_FALSE(planner.takes_shares(2, kBegin));
+  EXPECT_TRUE(planner.takes_shares(0.9, kBegin));
 }
 
 }  // namespace

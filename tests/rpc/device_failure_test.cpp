@@ -36,7 +36,7 @@ bool comes_to(Toucher& toucher, v1::TouchStatus status) {
 
 v1::TouchOpen by_device(const std::string& scene) {
   v1::TouchOpen open = Toucher::open_on(scene);
-  open.set_path(v1::SOLVE_PATH_PCG);
+  open.set_path(v1::SOLVE_PATH_GRADIENTS);
   return open;
 }
 

@@ -85,15 +85,15 @@ TEST_F(Palpation, ForceIsTheWorkThatThePoseDoes) {
 
 TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
   v1::TouchOpen open = Toucher::open_on("s");
-  open.set_path(v1::SOLVE_PATH_PCG);
-  Toucher by_pcg(server->channel(), open), by_compliance(channel, "s");
-  ASSERT_TRUE(by_pcg.opened() && by_compliance.opened());
+  open.set_path(v1::SOLVE_PATH_GRADIENTS);
+  Toucher by_gradients(server->channel(), open), by_compliance(channel, "s");
+  ASSERT_TRUE(by_gradients.opened() && by_compliance.opened());
   v1::TouchAnswer pcg, compliance;
   do {  // a busy machine solves the columns of the contact in several goes, and says so
-    ASSERT_TRUE(by_pcg.touch(0.0503, 0.002, &pcg));
+    ASSERT_TRUE(by_gradients.touch(0.0503, 0.002, &pcg));
   } while (pcg.warning().find("being solved") != std::string::npos);
   ASSERT_TRUE(by_compliance.touch(0.0503, 0.002, &compliance));
-  EXPECT_EQ(pcg.path(), v1::SOLVE_PATH_PCG) << pcg.warning();
+  EXPECT_EQ(pcg.path(), v1::SOLVE_PATH_GRADIENTS) << pcg.warning();
   EXPECT_GT(pcg.solve().iterations(), 0U);
   EXPECT_NEAR(pcg.force_n(1), compliance.force_n(1), 2e-3 * std::abs(compliance.force_n(1)));
 }

@@ -121,7 +121,7 @@ TEST_F(SceneCalls, SolidIsCreatedAndTouched) {
   for (const double asked_m : {0.0, 0.0045}) {  // rows are 2.5 mm apart
     v1::TouchOpen open = Toucher::open_on("solid");
     open.mutable_layer()->set_depth_m(asked_m);
-    open.set_path(v1::SOLVE_PATH_PCG);
+    open.set_path(v1::SOLVE_PATH_GRADIENTS);
     Toucher toucher(channel, open);
     v1::TouchOpened opened;
     ASSERT_TRUE(toucher.opened(&opened));
@@ -169,8 +169,8 @@ TEST_F(SceneCalls, SolidIsCreatedAndTouched) {
   EXPECT_NE(why.error_message().find("open.layer.depth_m: 0.021"), std::string::npos) << why.error_message();
 }
 
-// By name, or the cheapest that is good enough; the scene says which that is for a usual touch, and why.
-TEST_F(SceneCalls, AClosedFormAnswersASolidWhereItIsGoodEnough) {
+// By name, or where they are good enough; the scene says whether they are for a usual touch, and why.
+TEST_F(SceneCalls, SharesAnswerASolidWhereTheyAreGoodEnough) {
   ASSERT_TRUE(server->create(solid_scene("even", 8, 10, [](double, double, double) { return 1e4F; })).ok());
   const auto plan = [this] {
     grpc::ClientContext context;
@@ -195,22 +195,37 @@ TEST_F(SceneCalls, AClosedFormAnswersASolidWhereItIsGoodEnough) {
       if (answer.status() == v1::TOUCH_STATUS_OK && answer.path() == until) break;
     }
   };
-  touch(v1::SOLVE_PATH_UNSPECIFIED, v1::SOLVE_PATH_LAYER);
-  ASSERT_EQ(answer.path(), v1::SOLVE_PATH_LAYER) << answer.warning();
+  touch(v1::SOLVE_PATH_UNSPECIFIED, v1::SOLVE_PATH_SHARES);
+  ASSERT_EQ(answer.path(), v1::SOLVE_PATH_SHARES) << answer.warning();
   EXPECT_TRUE(answer.solve().converged());
   EXPECT_EQ(answer.budget().terms(0).term(), v1::ForceError::TERM_MODEL);
-  EXPECT_NE(plan().find("answered by a homogeneous layer"), std::string::npos) << plan();
-  const double by_layer_n = answer.force_n(1);
+  EXPECT_NE(plan().find("answered by log-weighted shares: at 2 mm"), std::string::npos) << plan();
+  const double planned_n = answer.force_n(1);
   touch(v1::SOLVE_PATH_SHARES, v1::SOLVE_PATH_SHARES);
   EXPECT_EQ(answer.path(), v1::SOLVE_PATH_SHARES);
-  EXPECT_NEAR(answer.force_n(1) / by_layer_n, 1, 0.001);
+  EXPECT_EQ(answer.force_n(1), planned_n);
   for (const char* scene : {"even", "s"}) {
     v1::TouchOpen open = Toucher::open_on(scene);
-    open.set_path(v1::SOLVE_PATH_LAYERS);
+    open.set_path(v1::SOLVE_PATH_SHARES);
     open.set_pressure(true);
     Toucher refused(channel, open);
     EXPECT_FALSE(refused.opened());
-    EXPECT_NE(refused.finish().error_message().find("open.path: LAYER"), std::string::npos);
+    EXPECT_NE(refused.finish().error_message().find("open.path: SHARES"), std::string::npos);
+  }
+}
+
+// GIVEN the number of a model that is there no more, WHEN a touch asks for it, THEN it is told which ones
+// are.
+TEST_F(SceneCalls, APathThatIsGoneIsRefusedWithThoseThatAreThere) {
+  for (const int gone : {3, 4}) {
+    v1::TouchOpen open = Toucher::open_on("s");
+    open.set_path(static_cast<v1::SolvePath>(gone));
+    Toucher refused(channel, open);
+    EXPECT_FALSE(refused.opened());
+    const grpc::Status status = refused.finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_NE(status.error_message().find("use COMPLIANCE, GRADIENTS or SHARES"), std::string::npos)
+        << status.error_message();
   }
 }
 

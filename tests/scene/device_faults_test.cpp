@@ -31,7 +31,7 @@ class FaultyDevice : public FaultyKernels {
     const double force = by_compliance.solve({0.06, 0.003}).contact.force_n[1];
     EXPECT_LT(force, 0);
     TouchOptions touch;
-    touch.path = SolvePath::kPcg;
+    touch.path = SolvePath::kGradients;
     TouchSession by_device(scene_, touch, Device::open(options_));
     for (int k = 0; k < 2; ++k) {  // a failed set-up is tried again
       const TouchAnswer answer = by_device.solve({0.06, 0.003});
@@ -126,7 +126,7 @@ TEST_F(FaultyDevice, NanInASolidIsSaid) {
 
 // By the nodes: shares, once they are learned, would answer in their place.
 TEST_F(FaultyDevice, HoweverSlowAFollowedFingerWaitsForNoCorrectionOfASolid) {
-  TouchSession finger(solid(3e4), {.fingertip = {}, .path = SolvePath::kPcg}, slow_device());
+  TouchSession finger(solid(3e4), {.fingertip = {}, .path = SolvePath::kGradients}, slow_device());
   put_down(finger);
   std::size_t meanwhile = 0, corrected = 0;
   for (double way = 0; corrected < 3 && way < 60; way += 0.002) {
@@ -142,7 +142,7 @@ TEST_F(FaultyDevice, HoweverSlowAFollowedFingerWaitsForNoCorrectionOfASolid) {
 // GIVEN a hard half beside a soft one, which shares are far off at, WHEN the nodes' correction takes long,
 // THEN what answers meanwhile is DEGRADED and says why, and what is OK is right.
 TEST_F(FaultyDevice, HoweverSlowItIsSharesInTheNodesPlaceAreDegraded) {
-  TouchSession exact(solid(5e4), {.fingertip = {}, .path = SolvePath::kPcg}, Device::open());
+  TouchSession exact(solid(5e4), {.fingertip = {}, .path = SolvePath::kGradients}, Device::open());
   const double truth = put_down(exact).contact.force_n[1];
   std::size_t late = 0;
   // Slower and slower, until the finger, which a busy machine holds up too, asks before it is corrected.
@@ -171,7 +171,7 @@ TEST_F(FaultyDevice, HoweverSlowItIsSharesInTheNodesPlaceAreDegraded) {
 // By the nodes: shares, once they are learned, need no factor.
 TEST_F(FaultyDevice, HoweverSlowItIsAWornSolidIsAnswered) {
   const auto scene = scene_of(stack({-0.01}));
-  TouchSession finger(scene, {.fingertip = {}, .path = SolvePath::kPcg}, slow_device());
+  TouchSession finger(scene, {.fingertip = {}, .path = SolvePath::kGradients}, slow_device());
   const auto touched = [&] {
     TouchAnswer answer;
     answer.status = TouchStatus::kFailed;
@@ -190,7 +190,7 @@ TEST_F(FaultyDevice, HoweverSlowItIsAWornSolidIsAnswered) {
 }
 
 TEST_F(FaultyDevice, LostAmidACorrectionOfASolidItIsSaidAndAnotherTakesItsPlace) {
-  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kGradients};
   TouchSession finger(solid(1.5e4), by_nodes, slow_device());
   put_down(finger);
   TouchAnswer answer = finger.solve(at(0.1));  // it is corrected where it has come to

@@ -187,9 +187,9 @@ TEST(SceneMemory, ATouchWithoutRoomFailsWithTheSizesAndOthersGoOn) {
   const auto budget = budget_of(fixed + kMiB / 4);
   auto scene = std::make_shared<Scene>("s", tissue(0.1, 0.03), modulus, versions(), Limits{},
                                        MemoryAccount{budget, "anna", "s"});
-  TouchOptions by_pcg;
-  by_pcg.path = SolvePath::kPcg;
-  const TouchAnswer refused = TouchSession(scene, by_pcg, Device::open()).solve({0.05, 0.003});
+  TouchOptions by_gradients;
+  by_gradients.path = SolvePath::kGradients;
+  const TouchAnswer refused = TouchSession(scene, by_gradients, Device::open()).solve({0.05, 0.003});
   EXPECT_EQ(refused.status, TouchStatus::kFailed);
   EXPECT_NE(refused.warning.find("bytes for"), std::string::npos) << refused.warning;
   EXPECT_EQ(refused.contact.force_n[1], 0);

@@ -20,7 +20,7 @@ namespace {
 // late.
 TEST(SolidScene, IsTouchedInThreeDimensions) {
   const auto scene = scene_of(with_ball());
-  TouchSession session(scene, {.fingertip = {}, .path = SolvePath::kPcg}, test_device());
+  TouchSession session(scene, {.fingertip = {}, .path = SolvePath::kGradients}, test_device());
   const auto corrected = [&session](double z_m) {
     TouchAnswer answer = touched(session, kBallX, 0.002, z_m);
     const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(20);
@@ -106,7 +106,7 @@ TEST(SolidScene, EndsWhileItIsCorrected) {
 }
 
 TEST(SolidScene, TwoFingersAtOnceEachFeelTheirOwn) {
-  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kGradients};
   const auto scene = scene_of(with_ball());
   const auto sweep = [&](TouchSession& session, double z_m) {
     std::vector<ContactAnswer> answers;
@@ -246,7 +246,7 @@ TEST(SolidScene, ATipIsNoWiderThanWhatIsAroundItAndSaysWhenTheMeshIsTooCoarse) {
   EXPECT_EQ(touched(session, 0.001, 0.008, 0).status, TouchStatus::kFailed)
       << "it would press the other end's tissue";
   TouchOptions sharp;
-  sharp.path = SolvePath::kPcg;  // others have no mesh
+  sharp.path = SolvePath::kGradients;  // others have no mesh
   sharp.fingertip.radius_m = 0.002;
   TouchSession coarse(scene_of(with_ball()), sharp, test_device());
   const TouchAnswer answer = touched(coarse, 0.02, 0.0006, 0);

@@ -136,7 +136,7 @@ TEST(TouchedSlices, ThatComeWhileTheSolidIsMadeReadyDoNotDelayIt) {
   std::vector<std::function<void()>> jobs;
   scene->set_touch_work(
       [&](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); });
-  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kGradients};
   TouchSession session(scene, by_nodes, test_device());
   const Vector3 pose{kBallX, 0.002, kBallZ};
   EXPECT_EQ(session.solve(pose).status, TouchStatus::kPreparing);
@@ -161,7 +161,7 @@ TEST(TouchedSlices, ThatComeWhileTheSolidIsMadeReadyDoNotDelayIt) {
 TEST(TouchedSlices, APressedFingerDoesNotWaitForANewVersion) {
   const auto scene = scene_of(stack({-0.012, -0.002, 0.012}));
   scene->set_touch_work([](const std::string&, const std::function<void()>& job) { job(); });
-  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kPcg};
+  const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kGradients};
   TouchSession session(scene, by_nodes, test_device());
   const Vector3 pose{kBallX, 0.002, kBallZ};
   EXPECT_EQ(session.solve(pose).status, TouchStatus::kPreparing) << "the layer is made beside";
@@ -194,7 +194,7 @@ TEST(TouchedSlices, APressedFingerDoesNotWaitForANewVersion) {
 TEST(TouchedSlices, TheWaitForALawIsHeeded) {
   const auto scene = scene_of(stack({-0.012, -0.002, 0.012}));
   scene->set_touch_work([](const std::string&, const std::function<void()>& job) { job(); });
-  TouchSession session(scene, {.fingertip = {}, .path = SolvePath::kPcg}, test_device());
+  TouchSession session(scene, {.fingertip = {}, .path = SolvePath::kGradients}, test_device());
   double x_m = kBallX - 0.004;
   int asked = 0;
   const auto solve = [&] {
@@ -284,7 +284,7 @@ TEST(TouchedSlices, WhatAnAnswerStatesCoversRightAfterOne) {
   const auto scene = scene_of(stack({-0.01, 0.01}));
   TouchWay way;
   way.device = test_device();
-  way.path = SolvePath::kPcg;
+  way.path = SolvePath::kGradients;
   const TouchPose pose{{kBallX, 0.002, kBallZ}};
   const auto layer = [&] { return scene->snapshot()->windows.front()->model->layer(Layer{}, way, {}); };
   const auto settled = [&](TouchedLayer& touched) {

@@ -108,7 +108,7 @@ TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLayersInUse) {
 
 TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
   TouchOptions options;
-  options.path = SolvePath::kPcg;
+  options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());
   expect_preparing(session.solve({0.045, -0.001}));
   do_all(preparing);
@@ -124,7 +124,7 @@ TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
 
 TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALayerIsMadeIsSaid) {
   TouchOptions options;
-  options.path = SolvePath::kPcg;
+  options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());
   expect_preparing(session.solve({0.045, 0.002}));
   fail_launches(true);

@@ -112,7 +112,7 @@ struct Figures {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, path_x_m, truth_n, path, times)
 
-const service::TouchOptions kByNodes{.fingertip = {}, .path = service::SolvePath::kPcg};
+const service::TouchOptions kByNodes{.fingertip = {}, .path = service::SolvePath::kGradients};
 
 void feel_path(const std::shared_ptr<service::Device>& device, bool quick, Figures& figures) {
   const service::ExplicitModulus grid = volume(0.002, 34);

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -13,8 +12,10 @@
 #include "bench/suites/plan/models.h"
 #include "bench/suites/plan/scenes.h"
 #include "bench/suites/plan/truth.h"
-#include "service/contact/planned_layer.h"
+#include "service/contact/shares_touch.h"
+#include "service/contact/solid_contact.h"
 #include "service/plan/choices.h"
+#include "service/plan/planner.h"
 #include "service/touch_plane/touch_session.h"
 
 namespace teletact::bench {
@@ -115,19 +116,6 @@ std::shared_ptr<service::Scene> given(const Case& c, const PlanScene& all) {
                                           std::make_shared<service::VersionCounter>(nullptr));
 }
 
-const char* name_of(service::SolvePath path) {
-  switch (path) {
-    case service::SolvePath::kLayer:
-      return "M0";
-    case service::SolvePath::kLayers:
-      return "M2";
-    case service::SolvePath::kShares:
-      return "M1";
-    default:
-      return "M3";
-  }
-}
-
 // Without the sentence on strain, which all of these touches are told.
 std::string said(const service::TouchAnswer& answer) {
   std::string words;
@@ -199,7 +187,7 @@ HardCase measured(const std::shared_ptr<service::Device>& device, const Case& c)
   } else {
     const service::TouchAnswer answer = answered(device, c, known, service::SolvePath::kAuto);
     out.felt_n = felt_n(answer.contact), out.stated = linear_half_width(answer.contact.budget);
-    out.by = name_of(answer.path), out.said = said(answer);
+    out.by = answer.path == service::SolvePath::kShares ? "M1" : "M3", out.said = said(answer);
   }
   out.error = error(out.felt_n);
   return out;
@@ -224,30 +212,30 @@ std::size_t changes_on_a_border(const std::shared_ptr<service::Device>& device) 
   service::SolidContact<float> contact(device->queue(), scene_of(c, c.lumps).tissue(1));
   std::mutex solving;
   contact.learn_shares(device->queue(), solving);
-  const auto closed = contact.closed(kTip);
+  const auto shares = contact.shares(kTip);
   const auto over = [&](double aside_m) {
     Vector3 at = in_block(c);
     at[0] += aside_m;
-    std::array<double, service::kClosedForms.size() + 1> all{};
-    std::ranges::copy(service::over_allowed(*closed, at, {}, service::FiniteStrain::kLeftOut), all.begin());
-    return all;
+    return shares->over(at, {}, service::FiniteStrain::kLeftOut);
   };
   double over_m = 0, beside_m = kAtM;  // shares are not good enough, they are
-  if (!(over(over_m)[2] > 1 && over(beside_m)[2] <= 1)) throw BenchError("shares have no border");
+  if (!(over(over_m) > 1 && over(beside_m) <= 1)) throw BenchError("shares have no border");
   for (int halvings = 0; halvings < 30; ++halvings) {
     const double middle_m = (over_m + beside_m) / 2;
-    (over(middle_m)[2] > 1 ? over_m : beside_m) = middle_m;
+    (over(middle_m) > 1 ? over_m : beside_m) = middle_m;
   }
   service::Planner planner;
   const service::Planner::Clock::time_point begin{};
-  std::size_t changes = 0, chosen = planner.choose(over(0), begin);  // over the lump: by the nodes
+  std::size_t changes = 0;
+  bool by_shares = planner.takes_shares(over(0), begin);  // over the lump: by the nodes
   const auto steps = static_cast<int>(std::chrono::duration<double>(kLasts).count() / kEachS);
   for (int step = 1; step < steps; ++step) {
     const double time_s = kEachS * step;
     const double aside_m = beside_m + kAsideM * std::sin(2 * std::numbers::pi * kTurnsHz * time_s);
     const auto now = begin + std::chrono::duration_cast<service::Planner::Clock::duration>(
                                  std::chrono::duration<double>(time_s));
-    changes += std::exchange(chosen, planner.choose(over(aside_m), now)) != chosen;
+    const bool before = std::exchange(by_shares, planner.takes_shares(over(aside_m), now));
+    changes += before != by_shares;
   }
   return changes;
 }

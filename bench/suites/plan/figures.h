@@ -69,7 +69,7 @@ struct Class {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Class, pairs_of, pairs, scenes, m1_covers, m3_covers, planned_covers)
 
-// Medians over the scenes of what is learned before closed forms are known, ms of the processor (models.h).
+// Medians over the scenes of what is learned before shares are known, ms of the processor (models.h).
 struct Learning {
   std::size_t nodes = 0;
   double fields_ms = 0, slice_ms = 0, tip_ms = 0;
@@ -83,10 +83,9 @@ struct Planned {
   double said = 0;               // the budget is beyond it
   double cheap = 0;              // takes at most 1.5 times the cheapest that is within it, and 1 ms
   double ms = 0, finest_ms = 0;  // of the processor, in the mean: its own, and of M3 for all
-  double by_m0 = 0, by_m2 = 0, by_m1 = 0, by_m3 = 0;
+  double by_m1 = 0, by_m3 = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Planned, tolerance, missed, said, cheap, ms, finest_ms, by_m0, by_m2,
-                                   by_m1, by_m3)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Planned, tolerance, missed, said, cheap, ms, finest_ms, by_m1, by_m3)
 
 struct Figures {
   std::uint64_t seed = 0;

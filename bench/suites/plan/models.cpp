@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <mutex>
 #include <utility>
+#include <vector>
 
 #include "bench/basics/clock.h"
-#include "service/contact/planned_layer.h"
+#include "service/plan/planner.h"
 
 namespace teletact::bench {
 namespace {
@@ -37,6 +37,12 @@ service::SolidTissue homogeneous(const PlanScene& scene) {
   service::SolidTissue tissue = scene.tissue(1);
   tissue.youngs_modulus_pa.assign(tissue.grid.elements(), kPlanModulusPa);
   return tissue;
+}
+
+// Its E0, layer by layer.
+service::LayerStack layers_of(const service::SolidTissue& tissue) {
+  return {std::vector(tissue.grid.layers(), kVoxelM), service::layered(tissue).youngs_modulus_pa,
+          tissue.poisson_ratio};
 }
 
 // The modulus at one z everywhere.
@@ -83,7 +89,7 @@ auto PlanModels::learned(Contact& contact) const -> Learned {
   out.slice_ms = learn_ms(other), out.fields_ms = both_ms - out.slice_ms;
   service::Fingertip tip = kTip;
   tip.radius_m *= 0.99;  // that nobody touched with
-  out.tip_ms = all_processor_ms([&] { contact.closed(tip); });
+  out.tip_ms = all_processor_ms([&] { contact.shares(tip); });
   return out;
 }
 
@@ -98,7 +104,9 @@ auto PlanModels::enter(const PlanScene& scene, bool learn_fine) -> Ready {
   const service::Vector3 any = in_block({.indentation_m = 0.002});
   ready.m3_ms = all_processor_ms([&] { coarse_.emplace(queue_, tissue).felt_answer(kTip, any); });
   ready.coarse = learned(*coarse_);
-  closed_ = coarse_->closed(kTip);
+  shares_ = coarse_->shares(kTip);
+  layer_pa_ = felt_modulus_pa();
+  layers_touch_.emplace(layers_of(tissue), kTip);
   if (offered_ && !learn_fine) return ready;
   ready.m4_ms = all_processor_ms([&] { fine_.emplace(queue_, halved).felt_answer(kTip, any); });
   if (learn_fine) ready.fine = learned(*fine_);
@@ -110,11 +118,26 @@ service::Vector3 PlanModels::in_block(const PlanPose& pose) const {
           double(scene_->nz) * kVoxelM / 2 + pose.z_m};
 }
 
-double PlanModels::closed_n(const PlanPose& pose, double modulus_pa) const {
+double PlanModels::exact_n(const PlanPose& pose, double modulus_pa) const {
   return layer_->touch.at(pose.indentation_m).times(modulus_pa).force_n;
 }
 double PlanModels::layer_n(const PlanPose& pose) const {
-  return closed_n(pose, closed_->modulus_pa());
+  return exact_n(pose, layer_pa_);
+}
+
+// As shares feel it about each node, as deep as the poses of a finger are.
+double PlanModels::felt_modulus_pa() const {
+  double least = HUGE_VAL, most = -HUGE_VAL;  // ln E
+  for (const double d : {0.0003, 0.001, 0.002, 0.004, 0.008}) {
+    const double unit_n = exact_n({.indentation_m = d}, 1);
+    for (std::size_t k = 0; k < scene_->nz; ++k)
+      for (std::size_t i = 0; i < scene_->nx; ++i) {
+        const double force_n = -shares_->answer({double(i) * kVoxelM, d, double(k) * kVoxelM}).force_n[1];
+        least = std::min(least, std::log(force_n / unit_n)),
+        most = std::max(most, std::log(force_n / unit_n));
+      }
+  }
+  return std::exp((least + most) / 2);
 }
 
 void PlanModels::answer_of_slice(const PlanPose& pose, double converged_n, std::vector<PlanAnswer>& out) {
@@ -125,7 +148,7 @@ void PlanModels::answer_of_slice(const PlanPose& pose, double converged_n, std::
   };
   RigidContact plane(queue_, plane_of(slice));
   const double thickness_m =
-      closed_n(pose, kPlanModulusPa) / layer_->plane->force_n(pose.x_m, 0, pose.indentation_m);
+      exact_n(pose, kPlanModulusPa) / layer_->plane->force_n(pose.x_m, 0, pose.indentation_m);
   once("plane", [&] { return thickness_m * plane.force_n(pose.x_m, 0, pose.indentation_m); });
   Contact contact(queue_, slice);
   contact.felt_answer(kTip, in_block(pose));  // its layers' closed form
@@ -172,22 +195,15 @@ void PlanModels::answer_planned(double converged_n, const PlanPose& pose,
   const service::Vector3 at = in_block(pose);
   for (const double share : kPlanTolerances) {
     const service::Tolerance tolerance{share, kPlanFloor * share};
-    std::size_t chosen = 0;
-    std::array<double, service::kClosedForms.size() + 1> over{};
-    const auto choose = [&] {
-      std::ranges::copy(service::over_allowed(*closed_, at, tolerance, service::FiniteStrain::kLeftOut),
-                        over.begin());
-      chosen = service::Planner(service::Planner::Clock::duration::zero())
-                   .choose(over, service::Planner::Clock::now());
-    };
+    bool by_shares = false;
     service::ContactAnswer a;
-    const auto by_closed = [&] {
-      choose();
-      if (chosen < service::kClosedForms.size()) a = closed_->answer(service::kClosedForms[chosen], at);
+    PlanAnswer answer = timed(fmt::format("planned {:.0f} %", 100 * share), converged_n, [&] {
+      const double over = shares_->over(at, tolerance, service::FiniteStrain::kLeftOut);
+      by_shares = service::Planner().takes_shares(over, service::Planner::Clock::now());
+      if (by_shares) a = shares_->answer(at);
       return -a.force_n[1];
-    };
-    PlanAnswer answer = timed(fmt::format("planned {:.0f} %", 100 * share), converged_n, by_closed);
-    if (chosen == service::kClosedForms.size()) {
+    });
+    if (!by_shares) {
       Contact contact(*coarse_, 0);
       contact.feel();
       answer.ms += all_processor_ms([&] {
@@ -197,7 +213,7 @@ void PlanModels::answer_planned(double converged_n, const PlanPose& pose,
     }
     answer.force_n = -a.force_n[1];
     answer.budget = linear_half_width(a.budget);
-    answer.by = std::array{"M0", "M2", "M1", "M3"}[chosen];
+    answer.by = by_shares ? "M1" : "M3";
     out.push_back(answer);
   }
 }
@@ -210,16 +226,14 @@ std::vector<PlanAnswer> PlanModels::at(const PlanPose& pose) {
   };
   const double converged_n = converge(*exact_), nodes_n = -exact_->answer(kTip, at).force_n[1];
   std::vector<PlanAnswer> out;
-  for (const auto& [name, path] : {std::pair{"M0", service::SolvePath::kLayer},
-                                   {"M2", service::SolvePath::kLayers},
-                                   {"M1", service::SolvePath::kShares}}) {
-    service::ContactAnswer a;
-    out.push_back(timed(name, converged_n, [&, path = path] {
-      a = closed_->answer(path, at);
-      return -a.force_n[1];
-    }));
-    out.back().budget = linear_half_width(a.budget);
-  }
+  out.push_back(timed("M0", converged_n, [&] { return layer_n(pose); }));
+  out.push_back(timed("M2", converged_n, [&] { return layers_touch_->at(pose.indentation_m).force_n; }));
+  service::ContactAnswer a;
+  out.push_back(timed("M1", converged_n, [&] {
+    a = shares_->answer(at);
+    return -a.force_n[1];
+  }));
+  out.back().budget = linear_half_width(a.budget);
   if (offered_) {
     answer_corrected(*coarse_, converged_n, pose, "M3", out);
     answer_planned(converged_n, pose, out);

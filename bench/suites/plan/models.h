@@ -11,8 +11,8 @@
 
 #include "bench/rigid_contact.h"
 #include "bench/suites/plan/scenes.h"
-#include "service/contact/closed_touch.h"
 #include "service/contact/layered_touch.h"
+#include "service/contact/shares_touch.h"
 #include "service/contact/solid_contact.h"
 #include "service/device/device.h"
 
@@ -33,18 +33,19 @@ struct PlanAnswer {
 // What the planner is asked for: shares of the force; and newtons, as the usual 5 mN are to 3 %.
 inline constexpr double kPlanTolerances[] = {0.01, 0.03, 0.05, 0.1}, kPlanFloor = 0.005 / 0.03;
 
-// M0, M2, M1: the product's closed forms (T9.5): a homogeneous layer, layers, log-weighted shares of the
-// force. G: T8.4's guess. M3 k: the solid on nodes 2 mm apart, k iterations of one correction; M3: until the
-// product is content; M3 near: answered by a correction 1 mm away. M4: the same on nodes 1 mm apart. plane:
-// of the slice under the tip in plane strain (a rigid tip, converged), so thick that homogeneous tissue would
-// answer as its layer does. extruded: M3 of that slice extruded. "nodes": without T9.3, so off by what the
-// mesh is off by. planned: the one of M0, M2, M1 and M3 that the product's planner takes, at a tolerance.
+// M0: the exact homogeneous layer (T9.0) of the modulus half-way between the least and the most that is felt
+// anywhere; M2: the exact layers (T9.1); M1: the product's log-weighted shares of the force (T9.2). G: T8.4's
+// guess. M3 k: the solid on nodes 2 mm apart, k iterations of one correction; M3: until the product is
+// content; M3 near: answered by a correction 1 mm away. M4: the same on nodes 1 mm apart. plane: of the slice
+// under the tip in plane strain (a rigid tip, converged), so thick that homogeneous tissue would answer as
+// its layer does. extruded: M3 of that slice extruded. "nodes": without T9.3, so off by what the mesh is off
+// by. planned: M1 or M3, as the product's planner takes them at a tolerance.
 class PlanModels {
  public:
   // `offered`: M0, M2, M1, M3 and what is planned alone, not those that they are compared with.
   explicit PlanModels(const std::shared_ptr<service::Device>& device, bool offered)
       : queue_(device->queue()), offered_(offered) {}
-  // What is learned before closed forms are known, of the processor, ms: the fields of a factor, the shares
+  // What is learned before shares are known, of the processor, ms: the fields of a factor, the shares
   // of another slice, a tip's tables.
   struct Learned {
     double fields_ms = 0, slice_ms = 0, tip_ms = 0;
@@ -80,7 +81,8 @@ class PlanModels {
   // Until the product is content.
   void answer_corrected(const Contact& felt, double converged_n, const PlanPose&, const std::string& name,
                         std::vector<PlanAnswer>&) const;
-  double closed_n(const PlanPose&, double modulus_pa) const;
+  double felt_modulus_pa() const;                            // half-way
+  double exact_n(const PlanPose&, double modulus_pa) const;  // of a homogeneous layer
   service::Vector3 in_block(const PlanPose&) const;
   void answer_planned(double converged_n, const PlanPose&, std::vector<PlanAnswer>&) const;
   service::Queue queue_;
@@ -88,7 +90,9 @@ class PlanModels {
   std::map<std::tuple<double, double, std::size_t>, std::unique_ptr<Layer>> layers_;
   const PlanScene* scene_ = nullptr;
   Layer* layer_ = nullptr;
-  std::shared_ptr<const service::ClosedTouch> closed_;
+  double layer_pa_ = 0;                                // of M0
+  std::optional<service::LayeredTouch> layers_touch_;  // M2
+  std::shared_ptr<const service::SharesTouch> shares_;
   std::optional<Contact> coarse_, fine_;
   std::optional<service::SolidContact<double>> exact_, fine_exact_;
 };

@@ -61,7 +61,7 @@ Planned planned_of(const std::vector<Pair>& pairs, double tolerance) {
   for (const Pair& pair : pairs) {
     double cheapest_ms = HUGE_VAL;
     for (const Answer& a : pair.answers) {
-      const bool offered = a.model == "M0" || a.model == "M2" || a.model == "M1" || a.model == "M3";
+      const bool offered = a.model == "M1" || a.model == "M3";
       if (offered && suffices(pair, a, tolerance)) cheapest_ms = std::min(cheapest_ms, a.ms);
       if (a.model == "M3") out.finest_ms += each * a.ms;
     }
@@ -71,7 +71,7 @@ Planned planned_of(const std::vector<Pair>& pairs, double tolerance) {
     out.missed += each * (!said && !suffices(pair, a, tolerance));
     out.cheap += each * (a.ms <= 1.5 * cheapest_ms + 1);
     out.ms += each * a.ms;
-    (a.by == "M0" ? out.by_m0 : a.by == "M2" ? out.by_m2 : a.by == "M1" ? out.by_m1 : out.by_m3) += each;
+    (a.by == "M1" ? out.by_m1 : out.by_m3) += each;
   }
   return out;
 }
@@ -168,10 +168,10 @@ void print(const std::vector<Summary>& summaries) {
 
 void print(const Planned& p) {
   std::printf(
-      "plan: planned at %2.0f %%: M0 %.0f %%, M2 %.0f %%, M1 %.0f %%, M3 %.0f %%; missed %.1f %%, said "
+      "plan: planned at %2.0f %%: M1 %.0f %%, M3 %.0f %%; missed %.1f %%, said "
       "beforehand %.1f %%, cheap enough %.0f %%; %.3g ms a touch, M3 %.3g\n",
-      100 * p.tolerance, 100 * p.by_m0, 100 * p.by_m2, 100 * p.by_m1, 100 * p.by_m3, 100 * p.missed,
-      100 * p.said, 100 * p.cheap, p.ms, p.finest_ms);
+      100 * p.tolerance, 100 * p.by_m1, 100 * p.by_m3, 100 * p.missed, 100 * p.said, 100 * p.cheap, p.ms,
+      p.finest_ms);
 }
 
 void print(const Class& c) {

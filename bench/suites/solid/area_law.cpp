@@ -131,7 +131,7 @@ OfBall measure_ball(const std::shared_ptr<service::Device>& device, double ball_
   const service::SolidTouchModel model(block, {});
   service::TouchWay way;
   way.device = device;
-  way.path = service::SolvePath::kPcg;
+  way.path = service::SolvePath::kGradients;
   const auto layer = model.layer({}, way, {});
   OfBall ball{ball_m, block.tissue.grid.elements()};
   // The finger rests in the middle.

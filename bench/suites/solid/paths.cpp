@@ -78,8 +78,8 @@ struct Model {
   service::SolvePath path;
 };
 constexpr std::array kModels{Model{"planned", 0.002, service::SolvePath::kAuto},
-                             Model{"nodes 2 mm apart", 0.002, service::SolvePath::kPcg},
-                             Model{"nodes 1 mm apart", 0.001, service::SolvePath::kPcg}};
+                             Model{"nodes 2 mm apart", 0.002, service::SolvePath::kGradients},
+                             Model{"nodes 1 mm apart", 0.001, service::SolvePath::kGradients}};
 
 // The hand's circles (client/haptic/hand.cpp). Ways begin at other places of them, and every other one goes
 // back.

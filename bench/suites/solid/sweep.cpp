@@ -170,7 +170,7 @@ void measure_mesh(const std::shared_ptr<service::Device>& device, const Mesh& me
     for (const Path& path : kPaths) {
       const auto scene = std::make_shared<service::Scene>("sweep", geometry, modulus,
                                                           std::make_shared<service::VersionCounter>(nullptr));
-      service::TouchSession session(scene, {.fingertip = {}, .path = service::SolvePath::kPcg}, device);
+      service::TouchSession session(scene, {.fingertip = {}, .path = service::SolvePath::kGradients}, device);
       Sweep sweep{block.tissue.grid.elements(), path.name, ball_m};
       judge(answered(session, path), block, exact, quick ? 20 : mesh.samples, sweep);
       std::printf(

@@ -26,9 +26,7 @@ STATUSES = {
 PATH_NAMES = {
     palpation.SOLVE_PATH_UNSPECIFIED: "",
     palpation.SOLVE_PATH_COMPLIANCE: "compliance",
-    palpation.SOLVE_PATH_PCG: "pcg",
-    palpation.SOLVE_PATH_LAYER: "layer",
-    palpation.SOLVE_PATH_LAYERS: "layers",
+    palpation.SOLVE_PATH_GRADIENTS: "gradients",
     palpation.SOLVE_PATH_SHARES: "shares",
 }
 PATHS = {name: number for number, name in PATH_NAMES.items() if name}
