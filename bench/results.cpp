@@ -21,7 +21,7 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 // What is larger than this is for pictures and programs: it stays in the JSON.
-constexpr std::size_t kMostRows = 24, kMostColumns = 10;
+constexpr std::size_t kMaxRows = 24, kMaxColumns = 10;
 
 bool is_cell(const json& value) {
   return !value.is_structured();
@@ -29,7 +29,7 @@ bool is_cell(const json& value) {
 
 // Flat: nothing within it but cells.
 bool is_record(const json& value) {
-  return value.is_object() && !value.empty() && value.size() <= kMostColumns &&
+  return value.is_object() && !value.empty() && value.size() <= kMaxColumns &&
          std::all_of(value.begin(), value.end(), is_cell);
 }
 
@@ -87,7 +87,7 @@ std::string list(const json& record) {
 }
 
 bool is_table(const json& value) {
-  if (!value.is_structured() || value.empty() || value.size() > kMostRows) return false;
+  if (!value.is_structured() || value.empty() || value.size() > kMaxRows) return false;
   return std::all_of(value.begin(), value.end(), is_record);
 }
 

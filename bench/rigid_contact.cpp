@@ -10,7 +10,7 @@ namespace {
 // Certified, of the energy norm; and what a correction may change the force by so that the next one need not
 // be made: it leaves its square.
 constexpr double kError = 5e-4, kLastChange = 3e-3;
-constexpr int kMostCorrections = 12;
+constexpr int kMaxCorrections = 12;
 
 std::size_t around(long n, std::size_t period) {
   const auto size = static_cast<long>(period);
@@ -59,7 +59,7 @@ RigidContact::RigidContact(const service::Queue& queue, const service::SolidTiss
     : grid_(tissue.grid),
       solver_(queue, tissue),
       wide_(service::wide_surface(grid_, solver_.layers(), tissue.poisson_ratio,
-                                  service::choices::kLeastPeriod * grid_.y_m.back())),
+                                  service::choices::kMinPeriod * grid_.y_m.back())),
       known_(grid_, solver_.layers(), 1, 1, wide_, wide_, solver_.row()->layered) {}
 
 double RigidContact::force_n(double x_m, double z_m, double indentation_m) {
@@ -67,7 +67,7 @@ double RigidContact::force_n(double x_m, double z_m, double indentation_m) {
   if (all.unknowns.empty()) throw BenchError("a rigid tip touches no node");
   const bool layered = solver_.layers().largest - solver_.layers().least < 1e-9;
   double before = 0;
-  for (int corrections = 0; corrections <= kMostCorrections; ++corrections) {
+  for (int corrections = 0; corrections <= kMaxCorrections; ++corrections) {
     const RigidPress press = press_rigid(known_.among(all.unknowns), all.values);
     const double force = press.force_n.sum();
     if (layered || std::abs(force - before) <= kLastChange * force) return force;

@@ -38,12 +38,12 @@ struct Pressed {
 };
 template <class Press>
 std::vector<Eigen::Index> settled(const Eigen::VectorXd& overlap_m, Press&& press) {
-  constexpr int kMost = 50;
+  constexpr int kMax = 50;
   const double deepest = overlap_m.maxCoeff();
   std::vector<Eigen::Index> active, next;
   for (Eigen::Index n = 0; n < overlap_m.size(); ++n)
     if (overlap_m[n] >= deepest / 2) next.push_back(n);
-  for (int tries = 0; tries < kMost && next != active; ++tries) {
+  for (int tries = 0; tries < kMax && next != active; ++tries) {
     active = next;
     const Pressed p = press(active);
     next.clear();

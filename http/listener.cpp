@@ -57,7 +57,7 @@ void Listener::accept() {
 void Listener::go_on() {
   if (stopping_) return;
   if (next_) {
-    if (seats_.size() >= options_.most) {
+    if (seats_.size() >= options_.max) {
       const auto oldest = std::ranges::find_if(seats_, [](Seat* seat) { return bool(seat->give_way); });
       if (oldest == seats_.end()) return;  // until one is closed
       std::exchange((*oldest)->give_way, {})();

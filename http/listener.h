@@ -30,7 +30,7 @@ class Listener {
   using Place = std::shared_ptr<Seat>;
   struct Options {
     Protocol::endpoint endpoint;
-    std::size_t most = 8;  // open at once
+    std::size_t max = 8;  // open at once
     // On the thread. A connection must hold its place, and nothing of it may outlive this.
     std::function<void(Protocol::socket, Place)> take;
     std::function<void()> begins = [] {};  // first

@@ -9,17 +9,17 @@
 
 // modulus = scale * ratio, ratio = amplitude * (E_ref eps_ref) / eps_yy; amplitude makes its median 1. NaN
 // where nothing may be said: the node is not trusted, above row `first_row` (near field), |eps_yy| <
-// least_strain, of the wrong sign, or the ratio outside [1 / range, range]. strain: eps_yy. 13 bytes, 5 flops
+// min_strain, of the wrong sign, or the ratio outside [1 / range, range]. strain: eps_yy. 13 bytes, 5 flops
 // per node.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void reference_stress(
     __global const float* restrict strain, __global const uchar* restrict trusted,
     __global const float* restrict stress, __global float* restrict modulus, const int nx, const int ny,
-    const float amplitude, const float scale, const float least_strain, const float range,
+    const float amplitude, const float scale, const float min_strain, const float range,
     const int first_row) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const float own = strain[node], ratio = amplitude * stress[node] / own;
-  const bool said = trusted[node] && node / nx >= first_row && fabs(own) >= least_strain && ratio <= range &&
+  const bool said = trusted[node] && node / nx >= first_row && fabs(own) >= min_strain && ratio <= range &&
                     ratio >= 1.0f / range;
   modulus[node] = said ? scale * ratio : NAN;
 }

@@ -130,9 +130,9 @@ kernel void pcg_update(global const real* restrict scalars, global const real2* 
 // the last `delay` terms is the error `delay` steps ago less the error now. Sums over three such windows say
 // how fast it falls (the slower of two ratios), and from that how much is left now: the geometric rest, but
 // never taken for less than the last sum. A slow run falls by fits and starts: the windows grow with it.
-real error_estimate(global const real* restrict scalars, const int iteration, const int least_delay,
+real error_estimate(global const real* restrict scalars, const int iteration, const int min_delay,
                     const int q, const int rhs) {
-  const int delay = max(least_delay, (iteration + 1) / 8);
+  const int delay = max(min_delay, (iteration + 1) / 8);
   real now = 0, before = 0, first = 0;
   for (int k = 0; k < delay; ++k) {
     now += scalars[TERM(iteration - k) * rhs + q];

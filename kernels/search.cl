@@ -40,11 +40,11 @@ typedef struct {
   int half_axial, half_lateral, sample_stride, line_stride;
 } Window;
 // Axial lags first .. first + 8 chunks - 1, `laterals` lateral lags first_lateral + m lateral_step. Not
-// looked at: axial lags beyond least_reach + reach_slope * sample, lateral ones a whole step beyond the
-// larger of lateral_least and lateral_slope * distance from the grid's middle line.
+// looked at: axial lags beyond min_reach + reach_slope * sample, lateral ones a whole step beyond the
+// larger of lateral_min and lateral_slope * distance from the grid's middle line.
 typedef struct {
   int first, chunks, first_lateral, lateral_step, laterals;
-  float least_reach, reach_slope, lateral_least, lateral_slope;
+  float min_reach, reach_slope, lateral_min, lateral_slope;
 } Lags;
 
 // Normalised cross-correlation (T2.1) of the window around each node, for 8 axial lags x NCC_LATERALS lateral
@@ -62,10 +62,10 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
   const int chunk = id % lags.chunks, m = id / lags.chunks % groups * NCC_LATERALS,
             node = id / (lags.chunks * groups);
   const int line = line_of(g, node), sample = sample_of(g, node), lag = lags.first + 8 * chunk;
-  const float reach = lags.least_reach + lags.reach_slope * (float)sample;
+  const float reach = lags.min_reach + lags.reach_slope * (float)sample;
   const float from_middle = (float)g.line_step * fabs((float)(node % g.nx) - 0.5f * (float)(g.nx - 1));
   const float lateral_reach =
-      fmax(lags.lateral_least, lags.lateral_slope * from_middle) + (float)lags.lateral_step;
+      fmax(lags.lateral_min, lags.lateral_slope * from_middle) + (float)lags.lateral_step;
   if ((float)lag > reach || (float)(lag + 7) < -reach) return;
   const int half_axial = window.half_axial, sample_stride = window.sample_stride;
   int shift[NCC_LATERALS];  // to the lateral lags; beyond the last one that is looked at the last again

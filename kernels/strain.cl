@@ -10,13 +10,13 @@
 #endif
 
 // strain[node] = (eps_xx, eps_yy, eps_xy, rms residual of u_y in metres); all NaN and trusted_out = 0 where
-// less than `least_fraction` of the kernel's nodes inside the grid are trusted or they do not span a plane.
+// less than `min_fraction` of the kernel's nodes inside the grid are trusted or they do not span a plane.
 // trusted_out = 0 also where the residual exceeds `residual_limit_m` or the node itself is not trusted.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
     __global const float2* restrict field, __global const uchar* restrict trusted,
     __global float4* restrict strain_out, __global uchar* restrict trusted_out, const int nx, const int ny,
     const float dx_m, const float dy_m, const int half_columns, const int half_rows,
-    const float least_fraction, const float residual_limit_m) {
+    const float min_fraction, const float residual_limit_m) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
@@ -47,7 +47,7 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
   const float cxx = sxx - sx * sx / count, cxy = sxy - sx * sy / count, cyy = syy - sy * sy / count;
   const float2 bx = xu - sx / count * u, by = yu - sy / count * u;
   const float determinant = cxx * cyy - cxy * cxy;
-  if (n < least_fraction * inside - 1e-3f || n < 4.0f || determinant <= 0.05f * cxx * cyy ||
+  if (n < min_fraction * inside - 1e-3f || n < 4.0f || determinant <= 0.05f * cxx * cyy ||
       cxx * cyy <= 0.0f) {
     strain_out[node] = (float4)(NAN);
     trusted_out[node] = 0;

@@ -191,7 +191,7 @@ bool usable(const LawColumn& column) noexcept {
   if (!(column.error_share >= 0 && column.error_share <= 1 && column.error_n >= 0)) return false;
   if (!std::isfinite(column.x_m) || !std::isfinite(column.z_m) || !(column.lane_before_m <= column.z_m) ||
       !std::isfinite(column.lane_before_m) || !std::isfinite(column.error_n) || column.rows == 0 ||
-      column.rows > LawColumn::kMostRows)
+      column.rows > LawColumn::kMaxRows)
     return false;
   for (std::size_t i = 0; i < column.rows; ++i) {
     const LawSample& sample = column.samples[i];

@@ -34,7 +34,7 @@ struct LawSample {
 };
 
 struct LawColumn {
-  static constexpr std::size_t kMostRows = 24;
+  static constexpr std::size_t kMaxRows = 24;
   double x_m = 0;             // scene
   double z_m = 0;             // of its lane; of no meaning in a plane
   double lane_before_m = 0;   // z of the lane before its own, where none is missing between; else its own
@@ -45,8 +45,8 @@ struct LawColumn {
   bool joined = true;     // no column of its lane is missing between the one before it and this one
   bool corrected = true;  // false: a guess, which a better one will replace
   std::uint8_t rows = 0;
-  std::array<float, kMostRows> log_depth{};  // s = ln(d / 1 m), increasing
-  std::array<LawSample, kMostRows> samples{};
+  std::array<float, kMaxRows> log_depth{};  // s = ln(d / 1 m), increasing
+  std::array<LawSample, kMaxRows> samples{};
 };
 
 // The columns between which a place lies: two of one lane in a plane, else two of each of two lanes.

@@ -276,14 +276,14 @@ class Session {
     const double way_m = device_.view.surface.normal.dot(tick_.pose.position_m - last_m_);
     const double pressed_m = std::min(std::max(0.0, way_m), depth_m);
     const double step_n = (force_n - last_n_).norm();
-    const double most_n = limits_.largest_slew_n_s * dt_s + limits_.largest_stiffness_n_m * pressed_m;
+    const double max_n = limits_.largest_slew_n_s * dt_s + limits_.largest_stiffness_n_m * pressed_m;
     const bool silent = tick_.silence_s > kSilentS, grows = force_n.norm() > last_n_.norm();
     ++result.cases;
     if (!force_n.allFinite()) ++result.not_finite;
     if (!(force_n.norm() <= limits_.largest_force_n * (1 + kRounding))) ++result.too_large;
     // To where the last force may have fallen, in the circle on it (Thales), and from there by the slew and
     // as the finger presses in.
-    if (!((force_n - last_n_ / 2).norm() <= last_n_.norm() / 2 + most_n + kRounding)) ++result.too_fast;
+    if (!((force_n - last_n_ / 2).norm() <= last_n_.norm() / 2 + max_n + kRounding)) ++result.too_fast;
     if (!(force_n.norm() <= limits_.largest_stiffness_n_m * depth_m * (1 + kRounding))) ++result.above_cap;
     if (!enabled && grows) ++result.grown;
     if (silent && force_n.norm() > 0) ++result.in_silence;
@@ -295,7 +295,7 @@ class Session {
     shares.non_zero += force_n.norm() > 0;
     shares.after_no_number += no_number_;
     shares.non_zero_after += no_number_ && force_n.norm() > 0;
-    shares.slew_limited += dt_s > 0 && grows && step_n >= most_n * (1 - 1e-9);
+    shares.slew_limited += dt_s > 0 && grows && step_n >= max_n * (1 - 1e-9);
     // A law's potential goes on straight a little below.
     shares.at_largest += force_n.norm() >= limits_.largest_force_n * (tick_.by_law ? 0.93 : 1 - 1e-9);
     last_n_ = force_n;

@@ -21,9 +21,9 @@ namespace teletact::bench {
 // Of one renderer; each of the later is a count of ticks.
 struct FuzzShares {
   // Of the ticks, for a run without violations to say something.
-  static constexpr double kNonZeroLeast = 0.2, kSlewLimitedLeast = 0.0005, kAtLargestLeast = 0.003;
-  static constexpr double kAgainLeast = 0.1;  // of those after a position that was no number
-  static constexpr double kFadingLeast = 1e-4, kSilentLeast = 1e-3, kByLawLeast = 0.05;
+  static constexpr double kNonZeroMin = 0.2, kSlewLimitedMin = 0.0005, kAtLargestMin = 0.003;
+  static constexpr double kAgainMin = 0.1;  // of those after a position that was no number
+  static constexpr double kFadingMin = 1e-4, kSilentMin = 1e-3, kByLawMin = 0.05;
   std::string renderer;
   std::size_t cases = 0;
   std::size_t answers = 0, pieces = 0;  // of laws, that came

@@ -73,7 +73,7 @@ Track by_block_matching(const TrackerOptions& options, const service::RfFrame& p
   field = resampled(field, middle, fine);
   match_nodes(pre, post, fine, fine.window(options.window_axial_m, options.window_lateral_m), half_period - 1,
               1, field);
-  return track_of(fine, field, options.least_correlation);
+  return track_of(fine, field, options.min_correlation);
 }
 
 }  // namespace

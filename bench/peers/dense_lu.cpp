@@ -5,12 +5,12 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kMostDofs = 2200;  // 51x21 nodes: the paper's largest; n^3 leaves no sense in more
+constexpr std::size_t kMaxDofs = 2200;  // 51x21 nodes: the paper's largest; n^3 leaves no sense in more
 
 class DenseLu final : public Peer {
  public:
   std::string name() const override { return "dense LU of the KKT system"; }
-  std::size_t most_unknowns() const override { return kMostDofs; }
+  std::size_t max_unknowns() const override { return kMaxDofs; }
   double prepare(const ContactProblem& p) override {
     rows_.setZero(p.overlap_m.size(), p.stiffness.rows());
     for (Eigen::Index r = 0; r < rows_.rows(); ++r)

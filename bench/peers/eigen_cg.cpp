@@ -17,7 +17,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr Eigen::Index kMostIterations = 40000;
+constexpr Eigen::Index kMaxIterations = 40000;
 
 // Of a uniform modulus: it depends on the grid, nu and what is held, not on the tissue, and is no set-up.
 class UniformFactor {
@@ -39,10 +39,10 @@ class UniformFactor {
 template <class Preconditioner, int kOrder>
 class EigenCg final : public Peer {
  public:
-  EigenCg(std::string name, std::size_t most_dofs) : name_(std::move(name)), most_dofs_(most_dofs) {}
+  EigenCg(std::string name, std::size_t max_dofs) : name_(std::move(name)), max_dofs_(max_dofs) {}
   std::string name() const override { return name_; }
   bool iterative() const override { return true; }
-  std::size_t most_unknowns() const override { return most_dofs_; }
+  std::size_t max_unknowns() const override { return max_dofs_; }
   double prepare(const ContactProblem& p) override {
     if (of_ != describe(p.of)) {  // the matrix is given to a rival: not timed twice
       system_.emplace(p);
@@ -72,7 +72,7 @@ class EigenCg final : public Peer {
   using Solver = Eigen::ConjugateGradient<Matrix, Eigen::Lower | Eigen::Upper, Preconditioner>;
   bool compute(double shift) {
     solver_ = std::make_unique<Solver>();
-    solver_->setMaxIterations(kMostIterations);
+    solver_->setMaxIterations(kMaxIterations);
     if constexpr (requires { solver_->preconditioner().setInitialShift(shift); })
       solver_->preconditioner().setInitialShift(shift);
     if constexpr (std::is_same_v<Preconditioner, UniformFactor>) solver_->preconditioner().set(factor_);
@@ -82,7 +82,7 @@ class EigenCg final : public Peer {
 
   static constexpr std::array kShifts{1e-3, 1e-2, 0.1, 0.3, 1.0};
   std::string name_, of_;
-  std::size_t most_dofs_;
+  std::size_t max_dofs_;
   std::array<double, 5>::const_iterator shift_ = kShifts.end();
   std::optional<PrescribedContact> system_;
   Matrix matrix_;
@@ -93,21 +93,21 @@ class EigenCg final : public Peer {
 }  // namespace
 
 std::unique_ptr<Peer> make_eigen_cg_jacobi() {
-  constexpr std::size_t kMostDofs = 30000;
+  constexpr std::size_t kMaxDofs = 30000;
   using Jacobi = Eigen::DiagonalPreconditioner<double>;
-  return std::make_unique<EigenCg<Jacobi, Eigen::RowMajor>>("Eigen CG, Jacobi", kMostDofs);
+  return std::make_unique<EigenCg<Jacobi, Eigen::RowMajor>>("Eigen CG, Jacobi", kMaxDofs);
 }
 
 std::unique_ptr<Peer> make_eigen_cg_incomplete_cholesky() {
-  constexpr std::size_t kMostDofs = 30000;
+  constexpr std::size_t kMaxDofs = 30000;
   using Incomplete = Eigen::IncompleteCholesky<double, Eigen::Lower, Eigen::NaturalOrdering<int>>;
-  return std::make_unique<EigenCg<Incomplete, Eigen::ColMajor>>("Eigen CG, incomplete Cholesky", kMostDofs);
+  return std::make_unique<EigenCg<Incomplete, Eigen::ColMajor>>("Eigen CG, incomplete Cholesky", kMaxDofs);
 }
 
 std::unique_ptr<Peer> make_eigen_cg_uniform_factor() {
-  constexpr std::size_t kMostDofs = 200000;
+  constexpr std::size_t kMaxDofs = 200000;
   return std::make_unique<EigenCg<UniformFactor, Eigen::RowMajor>>(
-      "CG with the factor of a uniform modulus (T4.6)", kMostDofs);
+      "CG with the factor of a uniform modulus (T4.6)", kMaxDofs);
 }
 
 }  // namespace teletact::bench

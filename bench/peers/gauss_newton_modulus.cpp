@@ -15,12 +15,12 @@ namespace teletact::bench {
 namespace {
 
 constexpr int kIterations = 8, kAttempts = 4;
-constexpr double kFirstDamping = 1e-3, kLeastGain = 1e-2;  // of the cost
+constexpr double kFirstDamping = 1e-3, kMinGain = 1e-2;  // of the cost
 constexpr double kPerturbation = 1e-3;                     // of log E
 constexpr double kNoiseM = 0.4e-6;                         // of a datum: what balances the two terms
 constexpr double kSmoothness = 20;  // of a unit step of log E between neighbours, in squared deviations
 constexpr double kTikhonov = 1;     // of a unit of log E of one patch
-constexpr double kLeastValid = 4;   // image nodes that make a datum
+constexpr double kMinValid = 4;   // image nodes that make a datum
 
 // The measured displacement at the forward model's points, by a plane fitted around each (a mean would be off
 // where more nodes lie on one side); NaN where little is valid.
@@ -48,7 +48,7 @@ Eigen::VectorXd data_of(const Track& t, const std::vector<PatchForward::Point>& 
         normal += base * base.transpose(), right += t.axial_m[n] * base;
       }
     const Eigen::LLT<Eigen::Matrix3d> fit(normal);
-    data[static_cast<Eigen::Index>(k)] = normal(0, 0) >= kLeastValid && fit.info() == Eigen::Success
+    data[static_cast<Eigen::Index>(k)] = normal(0, 0) >= kMinValid && fit.info() == Eigen::Success
                                              ? fit.solve(right)[0]
                                              : std::numeric_limits<double>::quiet_NaN();
   }
@@ -155,7 +155,7 @@ std::vector<float> by_gauss_newton(const ModulusProblem& p) {
       now = std::move(next);
       break;
     }
-    if (!(now.cost < (1 - kLeastGain) * before)) break;
+    if (!(now.cost < (1 - kMinGain) * before)) break;
   }
   const double force_n_per_m = p.force.force_n / p.force.contact_area_m2 * p.window_width_m;
   return on_nodes(forward, p.track.grid, now.log_e,

@@ -103,7 +103,7 @@ Track result(const TrackerOptions& options, const RfImage& pre, const Warped& po
       field.correlation[nodes.at(i, j)] =
           reference::normalised_cross_correlation(pre, moved, nodes.sample(j), nodes.line(i), window, 0, 0);
     }
-  return track_of(nodes, field, options.least_correlation);
+  return track_of(nodes, field, options.min_correlation);
 }
 
 Track by_global_regularisation(const TrackerOptions& options, const service::RfFrame& pre_frame,

@@ -11,7 +11,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr double kLeastStrain = 2e-4;  // ours says nothing below that either
+constexpr double kMinStrain = 2e-4;  // ours says nothing below that either
 constexpr std::ptrdiff_t kMedianRadius = 2;
 
 // Of the finite values around; NaN stays NaN.
@@ -36,7 +36,7 @@ std::vector<float> by_inverse_strain(const ModulusProblem& p) {
   const double pressure_pa = p.force.force_n / p.force.contact_area_m2;
   std::vector<float> raw(p.strain.size(), std::numeric_limits<float>::quiet_NaN());
   for (std::size_t n = 0; n < raw.size(); ++n)
-    if (-p.strain[n] >= kLeastStrain) raw[n] = static_cast<float>(-pressure_pa / p.strain[n]);
+    if (-p.strain[n] >= kMinStrain) raw[n] = static_cast<float>(-pressure_pa / p.strain[n]);
   return median(raw, static_cast<std::ptrdiff_t>(p.track.grid.nx),
                 static_cast<std::ptrdiff_t>(p.track.grid.ny));
 }

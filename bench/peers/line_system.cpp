@@ -6,7 +6,7 @@ namespace teletact::bench {
 namespace {
 
 constexpr double kTolerance = 1e-6;
-constexpr int kMostIterations = 200;
+constexpr int kMaxIterations = 200;
 
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0;
@@ -142,7 +142,7 @@ std::vector<double> LineSystem::solve() {
   std::vector<double> x(right_.size(), 0.0), r = right_, z = preconditioned(r), p = z;
   double rz = dot(r, z);
   const double goal = kTolerance * kTolerance * dot(r, r);
-  for (int iteration = 0; iteration < kMostIterations && dot(r, r) > goal; ++iteration) {
+  for (int iteration = 0; iteration < kMaxIterations && dot(r, r) > goal; ++iteration) {
     const std::vector<double> q = times(p);
     const double alpha = rz / dot(p, q);
     for (std::size_t n = 0; n < x.size(); ++n) x[n] += alpha * p[n], r[n] -= alpha * q[n];

@@ -86,7 +86,7 @@ Track by_autocorrelation(const TrackerOptions& options, const service::RfFrame& 
       for (int pass = 0; pass < 2; ++pass)
         refine(pre, post, nodes.sample(j), nodes.line(i), window, field.axial[n], field.correlation[n]);
     }
-  Track t = track_of(nodes, field, options.least_correlation);
+  Track t = track_of(nodes, field, options.min_correlation);
   t.lateral_m.clear();
   return t;
 }

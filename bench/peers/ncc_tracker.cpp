@@ -102,7 +102,7 @@ Track by_cross_correlation(const TrackerOptions& options, const service::RfFrame
   search(options, pre, post, nodes, reach, lateral_reach, field);
   // The parabolas, through the peak found.
   match_nodes(pre, post, nodes, nodes.window(options.window_axial_m, options.window_lateral_m), 0, 0, field);
-  return track_of(nodes, field, options.least_correlation);
+  return track_of(nodes, field, options.min_correlation);
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostDenseDofs = 2200, kMostDofs = 30000;
+constexpr std::size_t kMaxDenseDofs = 2200, kMaxDofs = 30000;
 
 constexpr const char* kScript = R"(load('-ascii', 'k.txt'); load('-ascii', 'contact.txt');
 K = spconvert(k); n = rows(K); m = rows(contact);
@@ -54,7 +54,7 @@ class Octave final : public Peer {
     fs::remove_all(folder_, ignored);
   }
   std::string name() const override { return "Octave, KKT by backslash"; }
-  std::size_t most_unknowns() const override { return kMostDofs; }
+  std::size_t max_unknowns() const override { return kMaxDofs; }
   double prepare(const ContactProblem& p) override {
     fs::create_directories(folder_);
     std::ofstream k(folder_ / "k.txt"), contact(folder_ / "contact.txt"), script(folder_ / "solve.m");
@@ -65,7 +65,7 @@ class Octave final : public Peer {
       contact << fmt::format("{} {:.17g}\n", p.contact_dofs[r] + 1,
                              p.overlap_m[static_cast<Eigen::Index>(r)]);
     std::array<char, 1024> text{};
-    std::snprintf(text.data(), text.size(), kScript, static_cast<int>(kMostDenseDofs));
+    std::snprintf(text.data(), text.size(), kScript, static_cast<int>(kMaxDenseDofs));
     script << text.data();
     if (!k.flush() || !contact.flush() || !script.flush())
       throw std::runtime_error("cannot write to " + folder_.string());

@@ -37,7 +37,7 @@ class Peer {
   // Iterative: `tolerance` of touch means something (to itself), and smaller is more accurate.
   virtual bool iterative() const { return false; }
   // It is not run on more: that would take minutes.
-  virtual std::size_t most_unknowns() const { return SIZE_MAX; }
+  virtual std::size_t max_unknowns() const { return SIZE_MAX; }
   // Everything that depends on the modulus and may be kept between touches. Returns seconds that it measured
   // itself, < 0 where the caller is to.
   virtual double prepare(const ContactProblem&) = 0;

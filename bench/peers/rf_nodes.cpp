@@ -118,14 +118,14 @@ LagField resampled(const LagField& field, const Nodes& from, const Nodes& to) {
   return out;
 }
 
-Track track_of(const Nodes& nodes, const LagField& field, double least_correlation) {
+Track track_of(const Nodes& nodes, const LagField& field, double min_correlation) {
   Track t;
   t.grid = nodes.image;
   t.correlation = field.correlation;
   for (std::size_t n = 0; n < field.axial.size(); ++n) {
     t.axial_m.push_back(field.axial[n] * nodes.sample_m);
     t.lateral_m.push_back(field.lateral[n] * nodes.line_m);
-    t.valid.push_back(field.correlation[n] >= least_correlation ? 1 : 0);
+    t.valid.push_back(field.correlation[n] >= min_correlation ? 1 : 0);
   }
   return t;
 }

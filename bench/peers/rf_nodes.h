@@ -51,6 +51,6 @@ void median_filter(const Nodes&, int radius, LagField&);
 // Bilinear, from the nodes of one grid to those of another.
 LagField resampled(const LagField&, const Nodes& from, const Nodes& to);
 
-Track track_of(const Nodes&, const LagField&, double least_correlation);
+Track track_of(const Nodes&, const LagField&, double min_correlation);
 
 }  // namespace teletact::bench

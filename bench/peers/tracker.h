@@ -19,7 +19,7 @@ struct Track {
   std::vector<double> lateral_m;  // empty: the method does not say
   std::vector<double> std_m;      // of axial_m; empty: the method does not say
   std::vector<double> correlation;
-  std::vector<std::uint8_t> valid;  // correlation above TrackerOptions::least_correlation
+  std::vector<std::uint8_t> valid;  // correlation above TrackerOptions::min_correlation
 };
 
 // The product's defaults, for all.
@@ -30,7 +30,7 @@ struct TrackerOptions {
   double grid_dy_m = service::DisplacementOptions{}.grid_dy_m;
   double window_axial_m = service::DisplacementOptions{}.window_axial_m;
   double window_lateral_m = service::DisplacementOptions{}.window_lateral_m;
-  double least_correlation = service::DisplacementOptions{}.trusted_correlation;
+  double min_correlation = service::DisplacementOptions{}.trusted_correlation;
 };
 
 struct Tracker {

@@ -17,8 +17,8 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kMostDofs = 15000;
-constexpr unsigned kMostIterations = 40000;
+constexpr std::size_t kMaxDofs = 15000;
+constexpr unsigned kMaxIterations = 40000;
 constexpr long kContext = 1;  // ViennaCL's number for the context on our device
 
 // Makes ViennaCL work on the device of that name; false: it sees none.
@@ -37,7 +37,7 @@ class ViennaCl final : public Peer {
  public:
   std::string name() const override { return "ViennaCL CG, Jacobi"; }
   bool iterative() const override { return true; }
-  std::size_t most_unknowns() const override { return kMostDofs; }
+  std::size_t max_unknowns() const override { return kMaxDofs; }
   double prepare(const ContactProblem& p) override {
     if (of_ != describe(p.of)) {  // the matrix is given to a rival: not timed twice
       system_.emplace(p);
@@ -57,7 +57,7 @@ class ViennaCl final : public Peer {
     return -1;
   }
   PeerAnswer touch(const ContactProblem& p, double tolerance) override {
-    const viennacl::linalg::cg_tag tag(tolerance, kMostIterations);
+    const viennacl::linalg::cg_tag tag(tolerance, kMaxIterations);
     const Vector x = viennacl::linalg::solve(*matrix_, *right_, tag, *jacobi_);
     Eigen::VectorXd solution(system_->right.size());
     viennacl::fast_copy(x.begin(), x.end(), solution.data());

@@ -101,9 +101,9 @@ class Fit {
 // Minimum over sigma in [0, 2.5] mm by a scan and golden sections.
 template <class Misfit>
 double best_sigma(Misfit&& misfit) {
-  constexpr double kMostM = 2.5e-3, kScanM = 0.25e-3, kGolden = 0.618034;
+  constexpr double kMaxM = 2.5e-3, kScanM = 0.25e-3, kGolden = 0.618034;
   double best = 0, least = misfit(0.0);
-  for (double s = kScanM; s <= kMostM; s += kScanM)
+  for (double s = kScanM; s <= kMaxM; s += kScanM)
     if (const double m = misfit(s); m < least) least = m, best = s;
   double low = std::max(0.0, best - kScanM), high = best + kScanM;
   while (high - low > 20e-6) {

@@ -7,7 +7,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr double kLeastStatedM = 0.3e-6;
+constexpr double kMinStatedM = 0.3e-6;
 constexpr double kLateralNoise = 10;  // over the axial
 
 // White noise over 3 x 3 nodes, the area that errors of tracking agree over.
@@ -30,7 +30,7 @@ service::Measured measured_of(const service::Queue& queue, const GivenDisplaceme
   std::mt19937_64 random(seed);
   const std::vector<double> noise = smooth_noise(kGivenImage, given.noise_m, random),
                             lateral = smooth_noise(kGivenImage, kLateralNoise * given.noise_m, random);
-  const double stated_m = std::max(given.noise_m, kLeastStatedM),
+  const double stated_m = std::max(given.noise_m, kMinStatedM),
                size_m[] = {kLateralNoise * stated_m, stated_m};
   std::vector<float> field, std_m;
   for (std::size_t n = 0; n < kGivenImage.size(); ++n) {

@@ -8,7 +8,7 @@ namespace teletact::bench {
 namespace {
 
 constexpr double kBorderM = 2e-3;  // of the image, where windows and kernels are cut
-constexpr double kLeastFraction = 0.6;
+constexpr double kMinFraction = 0.6;
 
 double x_of(const service::ImageGrid& g, std::size_t n) {
   return g.origin_x_m + static_cast<double>(n % g.nx) * g.dx_m;
@@ -141,7 +141,7 @@ std::vector<double> axial_strain(const Track& t, double kernel_axial_m, double k
           const auto n = static_cast<std::size_t>(c + nx * r);
           if (t.valid[n]) sums.add(c - i, r - j, t.axial_m[n]);
         }
-      if (sums.n >= 4 && sums.n >= kLeastFraction * inside)
+      if (sums.n >= 4 && sums.n >= kMinFraction * inside)
         strain[static_cast<std::size_t>(i + nx * j)] = sums.slope_y() / t.grid.dy_m;
     }
   return strain;

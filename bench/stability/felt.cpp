@@ -31,7 +31,7 @@ struct Mean {
 };
 
 // The mean over `length` neighbours that is furthest from `reference`.
-double most_different(const std::vector<double>& values, std::size_t length, double reference) {
+double max_different(const std::vector<double>& values, std::size_t length, double reference) {
   double sum = 0, found = reference;
   for (std::size_t n = 0; n < values.size(); ++n) {
     sum += values[n];
@@ -90,7 +90,7 @@ double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) 
     if (exact_m.x() > kBackgroundBeginM && exact_m.x() <= kBackgroundEndM) background.add(felt_n_m);
   }
   const auto judged = static_cast<std::size_t>(std::lround(kJudgedM / (o.speed_m_s * kServoS)));
-  return tissue.background_n_m * most_different(felt, judged, background.value()) / background.value();
+  return tissue.background_n_m * max_different(felt, judged, background.value()) / background.value();
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ struct LiftResult {
   // The same where what the device states to dissipate, or of one that states nothing a hand's least, 2 N
   // s/m, comes to what is put in: a harder model is paid for with it (T5.4b).
   double over_paid = 0;
-  double least_ledger_j = 0;  // least that the ledgers had left
+  double min_ledger_j = 0;  // least that the ledgers had left
   double degraded_share = 0;  // of the ticks while ENABLED
   double damping_share = 0;   // of them: the passivity controller at work
   double enabled_share = 0;   // of the ticks after the start

@@ -10,13 +10,13 @@ namespace {
 // that is late, four times as long as it is late.
 double window_of(const RestOptions& o) {
   constexpr double kHandS = 0.5, kSwings = 4;
-  const double least_s = std::max(kHandS, kSwings * (o.update_s + o.delay_s));
-  return o.update_s * std::ceil(least_s / o.update_s);
+  const double min_s = std::max(kHandS, kSwings * (o.update_s + o.delay_s));
+  return o.update_s * std::ceil(min_s / o.update_s);
 }
 
 double length_of(const RestOptions& o) {
   constexpr double kCycles = 40;
-  return std::max({o.least_s, kCycles * (o.update_s + o.delay_s), 3 * window_of(o)});
+  return std::max({o.min_s, kCycles * (o.update_s + o.delay_s), 3 * window_of(o)});
 }
 
 }  // namespace

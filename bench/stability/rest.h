@@ -13,7 +13,7 @@ const char* to_string(Verdict);
 struct RestOptions {
   double update_s = 0.001;  // between answers
   double delay_s = 0;       // of force and model together
-  double least_s = 1;
+  double min_s = 1;
   double unfelt_m = 3e-5;  // a swing below this is none: what quantisation alone makes a hand tremble by
 };
 

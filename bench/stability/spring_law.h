@@ -14,7 +14,7 @@ template <class Tissue>
 client::NearLaw spring_law(const Tissue& tissue, double begin_m, double apart_m, double end_m,
                            std::uint64_t version) {
   client::NearLaw law;
-  for (; law.count < client::NearLaw::kMost; ++law.count) {
+  for (; law.count < client::NearLaw::kMax; ++law.count) {
     LawColumn& column = law.columns[law.count];
     column.x_m = begin_m + apart_m * static_cast<double>(law.count);
     if (column.x_m > end_m) break;

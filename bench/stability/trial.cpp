@@ -98,8 +98,8 @@ class LawErrors {
     const double way_m = (to_m - from_m).norm();
     put_in_j_ += tangent_n_m_ * way_m * (way_m + resolution_m_) / 2 - force_n.dot(to_m - from_m);
     const double held_j = displayed(tissue, largest_n_m_, to_m).energy_j;
-    most_j_ = std::max(most_j_, put_in_j_ - held_j);
-    given_j_ = std::max(given_j_, most_j_ - (put_in_j_ - held_j));
+    max_j_ = std::max(max_j_, put_in_j_ - held_j);
+    given_j_ = std::max(given_j_, max_j_ - (put_in_j_ - held_j));
     held_j_ = std::max(held_j_, held_j);
   }
   void finish(TrialResult& result) const {
@@ -114,7 +114,7 @@ class LawErrors {
   double largest_n_m_, tangent_n_m_, resolution_m_;
   bool capped_;
   double contact_ = 0, judged_ = 0, half_ = 0, one_ = 0;
-  double put_in_j_ = 0, most_j_ = 0, given_j_ = 0, held_j_ = 0;
+  double put_in_j_ = 0, max_j_ = 0, given_j_ = 0, held_j_ = 0;
 };
 
 constexpr double kLostM = 0.05;  // this far from where it should be, nothing is left to simulate
@@ -122,7 +122,7 @@ constexpr double kLostM = 0.05;  // this far from where it should be, nothing is
 RestOptions rest_of(const TrialOptions& options) {
   return {.update_s = options.update_s,
           .delay_s = options.force_delay_s + options.model_delay_s,
-          .least_s = options.rest_s,
+          .min_s = options.rest_s,
           .unfelt_m = 3 * options.device.resolution_m + 3e-5};
 }
 
@@ -210,7 +210,7 @@ TrialResult run_trial(const TrialOptions& options) {
     const Vector3 from_m = plant.position_m();
     plant.step(felt_n, target);
     law_errors.moved(tissue, from_m, plant.position_m(), felt_n);
-    result.least_ledger_j = std::min(result.least_ledger_j, controller.last().ledger_j);
+    result.min_ledger_j = std::min(result.min_ledger_j, controller.last().ledger_j);
     if (options.safe && time_s >= HandPath::kHoverS) count_safety(controller, result);
     result.generated_j = std::max(result.generated_j, -plant.port_energy_j());
     result.stored_j = std::max(result.stored_j, plant.port_energy_j());

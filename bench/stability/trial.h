@@ -67,7 +67,7 @@ struct TrialResult {
   // By law: most that the display has given since any moment, beyond what that potential gave back and what a
   // force held between ticks gives (K T/2 v^2 over time, half a step of the resolution), over the most that
   // the potential held. And the least that the ledgers had left.
-  double given = 0, least_ledger_j = 0;
+  double given = 0, min_ledger_j = 0;
 };
 
 inline constexpr double kLawWithinCap = 0.6;  // of the display's stiffness: the soft minimum is not felt

@@ -243,9 +243,9 @@ void check_positive(double value, const std::string& option) {
 }
 
 void check_hertz(double value, const std::string& option) {
-  constexpr double kLeastHz = 1000;
+  constexpr double kMinHz = 1000;
   check_positive(value, option);
-  if (value < kLeastHz)
+  if (value < kMinHz)
     throw FrameInputError(fmt::format("{} {}: give it in Hz; {} MHz is {}e6", option, value, value, value));
 }
 

@@ -16,8 +16,8 @@ using Complex = std::complex<double>;
 
 constexpr double kSamplesInPeriod =
     5;                              // at least, of the centre frequency: with 4, tracking is 1.4 times off
-constexpr double kLeastRate = 0.5;  // of complex data, over the centre frequency: no pulse has less of a band
-constexpr double kLeastLikeness = 0.5;  // of neighbours in depth: with less, 1 % of the band is folded over
+constexpr double kMinRate = 0.5;  // of complex data, over the centre frequency: no pulse has less of a band
+constexpr double kMinLikeness = 0.5;  // of neighbours in depth: with less, 1 % of the band is folded over
 constexpr double kSame = 0.01;          // of two frequencies that are said to be one
 
 // The window's half width in samples, and its shape: the stop band is 80 dB down.
@@ -108,7 +108,7 @@ RfImage rf_of(const UffImage& image, const PulseOptions& pulse, const std::strin
         "apart",
         file, image.sample_pitch_m, c / (4 * f0)));
   };
-  if (!(rate >= kLeastRate * f0)) refuse_step();
+  if (!(rate >= kMinRate * f0)) refuse_step();
   const std::size_t n = image.sample_count;
   const auto factor = static_cast<std::size_t>(std::ceil(std::max(1.0, kSamplesInPeriod * f0 / rate)));
   std::vector<Complex> lines(image.values.size());
@@ -116,7 +116,7 @@ RfImage rf_of(const UffImage& image, const PulseOptions& pulse, const std::strin
   for (std::size_t k = 0; k < lines.size(); ++k)
     lines[k] = Complex(image.values[k], image.imaginary[k]) * to_zero[k % n];
   const Complex likeness = likeness_of_neighbours(lines, n);
-  if (std::abs(likeness) < kLeastLikeness) refuse_step();
+  if (std::abs(likeness) < kMinLikeness) refuse_step();
   const double off_hz = std::arg(likeness) / (2 * std::numbers::pi) * rate;
   if (std::abs(off_hz) > std::min(rate / 4, f0 / 2))
     throw FrameInputError(

@@ -16,8 +16,8 @@ namespace {
 // Density of the spectrum at its low end over that at its peak: echoes have 0.004 at most (a phantom, three
 // simulations), envelopes, pictures and what lies across lines 0.85 at least.
 constexpr double kOscillates = 0.25, kDoesNot = 0.5;
-constexpr double kLeastPeriods = 16;  // of a piece: its low end is far below the peak
-constexpr std::size_t kLeastPiece = 32, kMostPiece = 1024, kMostPieces = 256;
+constexpr double kMinPeriods = 16;  // of a piece: its low end is far below the peak
+constexpr std::size_t kMinPiece = 32, kMaxPiece = 1024, kMaxPieces = 256;
 constexpr double kOffset = 0.2;       // of the samples' root mean square about their mean
 constexpr double kHigher = 1.15;      // tissue lowers the frequency of echoes, nothing raises it
 constexpr double kLower = 0.84;       // it takes a tenth, seldom more than a sixth
@@ -34,8 +34,8 @@ struct Lines {
 // Density of the mean spectrum of pieces of the lines at k / piece, k = 0 to piece / 2; without the pieces'
 // means. Empty where the lines are too short, or silent.
 std::vector<double> spectrum(const Lines& lines, double period) {
-  std::size_t piece = kLeastPiece;
-  while (static_cast<double>(piece) < kLeastPeriods * period && piece < kMostPiece) piece *= 2;
+  std::size_t piece = kMinPiece;
+  while (static_cast<double>(piece) < kMinPeriods * period && piece < kMaxPiece) piece *= 2;
   if (lines.length < piece || lines.count == 0) return {};
   std::vector<std::complex<double>> turn(piece);
   std::vector<double> window(piece), part(piece), sum(piece / 2 + 1);
@@ -44,7 +44,7 @@ std::vector<double> spectrum(const Lines& lines, double period) {
     window[k] = 1 - turn[k].real();
   }
   const std::size_t in_line = lines.length / piece,
-                    every = std::max<std::size_t>(1, in_line * lines.count / kMostPieces);
+                    every = std::max<std::size_t>(1, in_line * lines.count / kMaxPieces);
   // Of whole lines: at one end they may be silent.
   for (std::size_t p = 0; p < (lines.count + every - 1) / every * in_line; ++p) {
     const float* at = lines.samples + p / in_line * every * lines.between_lines +

@@ -16,14 +16,14 @@ std::string slice_problem(const Tissue& tissue, const SlicePlaces& places) {
   if (places.count == 0) return "slices: give at least one";
   if (!(places.pitch_m > 0) || !std::isfinite(places.pitch_m))
     return fmt::format("slice_pitch_m: {} m; must be above 0", places.pitch_m);
-  const double most_m = (tissue.solid->elevational_width_m - tissue.probe.elevation_m) / 2;
+  const double max_m = (tissue.solid->elevational_width_m - tissue.probe.elevation_m) / 2;
   const double first_m = places.first_z_m, last_m = places.z_m(places.count - 1);
-  if (!(std::min(first_m, -last_m) >= -most_m - 1e-9 && std::max(-first_m, last_m) <= most_m + 1e-9))
+  if (!(std::min(first_m, -last_m) >= -max_m - 1e-9 && std::max(-first_m, last_m) <= max_m + 1e-9))
     return fmt::format(
         "slices from z {:.4g} to {:.4g} m: the probe's face stays on the tissue from {:.4g} to {:.4g} m; "
         "take "
         "fewer, closer together, or a wider solid.elevational_width_m",
-        first_m, last_m, -most_m, most_m);
+        first_m, last_m, -max_m, max_m);
   return "";
 }
 
@@ -36,7 +36,7 @@ SolidSource::SolidSource(const Tissue& tissue, const SlicePlaces& places, std::s
     : places_(places), compression_m_(tissue.probe.compression_m) {
   if (const std::string problem = slice_problem(tissue, places); !problem.empty()) throw TissueError(problem);
   if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
-  prepare(places.count, passes, std::min(threads, kMostThreads), progress, [&](std::size_t k) {
+  prepare(places.count, passes, std::min(threads, kMaxThreads), progress, [&](std::size_t k) {
     const ProbeState state =
         press_solid(tissue, slice_window_x_m(tissue), compression_m_, kSpacingM, places_.z_m(k));
     return simulated_pairs(tissue, state, k, passes);

@@ -28,10 +28,10 @@ class SolidSource final : public PreparedSource {
   // Along x under the probe: a third coarser than kSolidSpacing, for 2.4 times less to solve.
   static constexpr double kSpacingM = 0.002;
   // A solve takes half a gigabyte.
-  static constexpr unsigned kMostThreads = 4;
+  static constexpr unsigned kMaxThreads = 4;
 
   // Presses and images every slice, `passes` pairs each with fresh noise, on `threads` threads (0: one per
-  // processor), kMostThreads at most. Throws TissueError.
+  // processor), kMaxThreads at most. Throws TissueError.
   SolidSource(const Tissue& tissue, const SlicePlaces& places, std::size_t passes, unsigned threads,
               const Progress& progress);
 

@@ -14,7 +14,7 @@ namespace teletact::client {
 namespace {
 
 constexpr double kWrong = 3;
-constexpr std::size_t kMostSaid = 4096;
+constexpr std::size_t kMaxSaid = 4096;
 
 }  // namespace
 
@@ -28,7 +28,7 @@ FramePair SpoiledSource::take(std::size_t window) {
   FramePair pair = source_->take(window);
   std::array<char, 256> buffer{};
   const ssize_t got = ::read(pipe_.get(), buffer.data(), buffer.size());
-  if (got > 0 && said_.size() < kMostSaid) said_.append(buffer.data(), static_cast<std::size_t>(got));
+  if (got > 0 && said_.size() < kMaxSaid) said_.append(buffer.data(), static_cast<std::size_t>(got));
   const std::size_t end = said_.find('\n');
   if (end == std::string::npos) return pair;
   const std::string how = said_.substr(0, end);

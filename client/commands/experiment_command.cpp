@@ -210,7 +210,7 @@ bool print_fit(const std::vector<StimulusCount>& counts, const FitOptions& how, 
   line("beta", fit.function.beta, spread.beta);
   line("Weber fraction", weber_fraction(fit.function, background_n_m), spread.weber_fraction);
   std::printf("    %-22s %8.3f\n", "threshold (N/m)", threshold_n_m(fit.function));
-  if (how.lapse_rate_most > 0) std::printf("    %-22s %8.3f\n", "lapse rate", fit.function.lapse_rate);
+  if (how.lapse_rate_max > 0) std::printf("    %-22s %8.3f\n", "lapse rate", fit.function.lapse_rate);
   if (spread.at_limit > 0)
     std::printf("    in %u of %u resamples the answers did not bound the curve: more trials would help\n",
                 spread.at_limit, options.resamples);
@@ -232,7 +232,7 @@ void run(const ExperimentArguments& arguments, const CLI::App& command) {
     const BootstrapOptions spread{arguments.resamples, 0.95, seed_of(arguments)};
     bool fitted = print_fit(counts, {FitMethod::kLeastSquares, 0}, background_n_m, spread);
     fitted |=
-        print_fit(counts, {FitMethod::kMaximumLikelihood, arguments.lapse_rate_most}, background_n_m, spread);
+        print_fit(counts, {FitMethod::kMaximumLikelihood, arguments.lapse_rate_max}, background_n_m, spread);
     if (fitted)
       std::printf("\n  in brackets: 95 %% intervals of the parametric bootstrap, %u resamples\n",
                   arguments.resamples);
@@ -244,7 +244,7 @@ void run(const ExperimentArguments& arguments, const CLI::App& command) {
                                                  {"trials_per_stimulus", "--trials"},
                                                  {"background_n_m", "--background-n-m"},
                                                  {"lapse_rate", "--lapse-rate"},
-                                                 {"lapse_rate_most", "--fit-lapse-rate-most"},
+                                                 {"lapse_rate_max", "--fit-lapse-rate-most"},
                                                  {"weber_fraction", "--weber-fraction"},
                                                  {"equality_fraction", "--equality-fraction"},
                                                  {"resamples", "--resamples"},

@@ -22,7 +22,7 @@ struct ExperimentArguments {
   TissueOptions tissue;                  // no address: springs, at its place
   std::optional<std::uint64_t> seed;     // of --seed
   std::string csv, refit, resume;
-  double lapse_rate_most = 0;
+  double lapse_rate_max = 0;
   unsigned resamples = 1000;
   bool by_service() const { return !tissue.address.empty(); }
 };

@@ -45,7 +45,7 @@ struct TouchArguments {
   std::string scene_id, session_id;
   double layer_depth_m = 0;
   double period_s = 0.002;
-  unsigned credit = Pacing::kMost;
+  unsigned credit = Pacing::kMax;
 };
 
 constexpr double kToleratedN = 0.005;  // less is hardly felt
@@ -142,10 +142,10 @@ void require_writable(const std::string& json_path) {
 
 // Before the device moves; the service may allow less.
 void require_tip(const char* option, double length_m) {
-  constexpr double kMostM = 0.014;
-  if (length_m > kMostM)
+  constexpr double kMaxM = 0.014;
+  if (length_m > kMaxM)
     throw UsageError(fmt::format("{} {}: give it in metres, at most {}; a fingertip has about 0.008", option,
-                                 length_m, kMostM));
+                                 length_m, kMaxM));
 }
 
 void run(TouchArguments arguments, const CLI::App& command) {
@@ -317,7 +317,7 @@ void add_touch_command(CLI::App& app) {
   command.add_option("--period-s", arguments->period_s, "wish between answers")
       ->check(CLI::Range(0.001, 1.0));
   command.add_option("--credit", arguments->credit, "most answers in flight; the link says how many are")
-      ->check(CLI::Range(1U, Pacing::kMost));
+      ->check(CLI::Range(1U, Pacing::kMax));
   command
       .add_option("--wait-s", session.wait_s, "wait so long for the service, the scene and its first window")
       ->check(zero_or_more());

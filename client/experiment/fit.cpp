@@ -13,15 +13,15 @@ namespace teletact::client {
 namespace {
 
 constexpr double kThresholdReach = 10;  // beyond the outermost stimuli, as a factor
-constexpr double kBetaLeast = 0.05, kBetaMost = 200;
+constexpr double kBetaMin = 0.05, kBetaMax = 200;
 // Of the simplex, in the logarithms of the parameters.
 constexpr double kTolerance = 1e-9, kNearTolerance = 1e-4, kFirstStep = 0.2, kNearFirstStep = 0.05;
 constexpr double kAtLimit = 1e-3;  // of the parameters' logarithms
 // A share of exactly 0 or 1 would have an infinite logarithm.
-constexpr double kProbabilityLeast = 1e-12;
+constexpr double kProbabilityMin = 1e-12;
 
 struct Limits {
-  double ln_threshold_least, ln_threshold_most, ln_beta_least, ln_beta_most, lapse_most;
+  double ln_threshold_min, ln_threshold_max, ln_beta_min, ln_beta_max, lapse_max;
 };
 
 Limits limits_of(const std::vector<StimulusCount>& counts, const FitOptions& options) {
@@ -30,8 +30,8 @@ Limits limits_of(const std::vector<StimulusCount>& counts, const FitOptions& opt
     least = std::min(least, count.stimulus_n_m);
     most = std::max(most, count.stimulus_n_m);
   }
-  return {std::log(least / kThresholdReach), std::log(most * kThresholdReach), std::log(kBetaLeast),
-          std::log(kBetaMost), options.lapse_rate_most};
+  return {std::log(least / kThresholdReach), std::log(most * kThresholdReach), std::log(kBetaMin),
+          std::log(kBetaMax), options.lapse_rate_max};
 }
 
 // Parameters of the search, (ln threshold, ln beta, lapse), clamped into the limits.
@@ -41,9 +41,9 @@ struct Point {
 };
 
 Point point_at(const Parameters& at, const Limits& limits) {
-  const double ln_threshold = std::clamp(at[0], limits.ln_threshold_least, limits.ln_threshold_most);
-  const double ln_beta = std::clamp(at[1], limits.ln_beta_least, limits.ln_beta_most);
-  const double lapse = std::clamp(at[2], 0.0, limits.lapse_most);
+  const double ln_threshold = std::clamp(at[0], limits.ln_threshold_min, limits.ln_threshold_max);
+  const double ln_beta = std::clamp(at[1], limits.ln_beta_min, limits.ln_beta_max);
+  const double lapse = std::clamp(at[2], 0.0, limits.lapse_max);
   return {weibull_through(std::exp(ln_threshold), std::exp(ln_beta), lapse),
           std::abs(at[0] - ln_threshold) + std::abs(at[1] - ln_beta) + std::abs(at[2] - lapse)};
 }
@@ -55,8 +55,8 @@ double cost_of(const std::vector<StimulusCount>& counts, FitMethod method, const
     if (method == FitMethod::kLeastSquares) {
       cost += (p - count.share_harder()) * (p - count.share_harder());
     } else {
-      cost -= count.harder * std::log(std::max(p, kProbabilityLeast)) +
-              count.not_harder * std::log(std::max(1 - p, kProbabilityLeast));
+      cost -= count.harder * std::log(std::max(p, kProbabilityMin)) +
+              count.not_harder * std::log(std::max(1 - p, kProbabilityMin));
     }
   }
   return cost;
@@ -72,9 +72,9 @@ Weibull coarse_search(const std::vector<StimulusCount>& counts, const FitOptions
   for (int k = 0; k <= kThresholds; ++k) {
     const double share = static_cast<double>(k) / kThresholds;
     const double threshold_n_m =
-        std::exp(limits.ln_threshold_least + share * (limits.ln_threshold_most - limits.ln_threshold_least));
+        std::exp(limits.ln_threshold_min + share * (limits.ln_threshold_max - limits.ln_threshold_min));
     for (const double beta : kBetas) {
-      const Weibull function = weibull_through(threshold_n_m, beta, options.lapse_rate_most / 2);
+      const Weibull function = weibull_through(threshold_n_m, beta, options.lapse_rate_max / 2);
       const double cost = cost_of(counts, options.method, function);
       if (!(cost < least)) continue;
       least = cost;
@@ -103,8 +103,8 @@ Fit descend(const std::vector<StimulusCount>& counts, const FitOptions& options,
     return cost_of(counts, options.method, point.function) + point.outside;
   };
   const Parameters from{std::log(threshold_n_m(start)), std::log(start.beta), start.lapse_rate};
-  if (options.lapse_rate_most > 0) search.first_step = std::min(search.first_step, options.lapse_rate_most);
-  const NelderMeadResult found = nelder_mead(cost, from, options.lapse_rate_most > 0 ? 3 : 2, search);
+  if (options.lapse_rate_max > 0) search.first_step = std::min(search.first_step, options.lapse_rate_max);
+  const NelderMeadResult found = nelder_mead(cost, from, options.lapse_rate_max > 0 ? 3 : 2, search);
   const Point point = point_at(found.at, limits);
   const double ln_threshold = std::log(threshold_n_m(point.function)),
                ln_beta = std::log(point.function.beta);
@@ -112,18 +112,18 @@ Fit descend(const std::vector<StimulusCount>& counts, const FitOptions& options,
   fit.function = point.function;
   fit.cost = cost_of(counts, options.method, point.function);
   fit.converged = found.converged;
-  fit.at_limit = steps(counts) || ln_threshold < limits.ln_threshold_least + kAtLimit ||
-                 ln_threshold > limits.ln_threshold_most - kAtLimit ||
-                 ln_beta < limits.ln_beta_least + kAtLimit || ln_beta > limits.ln_beta_most - kAtLimit;
+  fit.at_limit = steps(counts) || ln_threshold < limits.ln_threshold_min + kAtLimit ||
+                 ln_threshold > limits.ln_threshold_max - kAtLimit ||
+                 ln_beta < limits.ln_beta_min + kAtLimit || ln_beta > limits.ln_beta_max - kAtLimit;
   return fit;
 }
 
 // The stimuli that were presented.
 std::vector<StimulusCount> presented(const std::vector<StimulusCount>& counts, const FitOptions& options) {
-  if (!(options.lapse_rate_most >= 0 && options.lapse_rate_most <= 0.5))
-    throw std::invalid_argument("lapse_rate_most: give a share from 0 to 0.5");
-  if (options.lapse_rate_most > 0 && options.method == FitMethod::kLeastSquares)
-    throw std::invalid_argument("lapse_rate_most: lapses are fitted by maximum likelihood alone");
+  if (!(options.lapse_rate_max >= 0 && options.lapse_rate_max <= 0.5))
+    throw std::invalid_argument("lapse_rate_max: give a share from 0 to 0.5");
+  if (options.lapse_rate_max > 0 && options.method == FitMethod::kLeastSquares)
+    throw std::invalid_argument("lapse_rate_max: lapses are fitted by maximum likelihood alone");
   std::vector<StimulusCount> out;
   for (const StimulusCount& count : counts) {
     if (!(count.stimulus_n_m > 0) || !std::isfinite(count.stimulus_n_m))

@@ -18,7 +18,7 @@ const char* name_of(FitMethod);
 struct FitOptions {
   FitMethod method = FitMethod::kMaximumLikelihood;
   // Maximum likelihood alone: find the lapse rate too, from 0 to this. Zero: no lapses.
-  double lapse_rate_most = 0;
+  double lapse_rate_max = 0;
 };
 
 struct Fit {
@@ -33,7 +33,7 @@ struct Fit {
 };
 
 // Throws std::invalid_argument: fewer than two stimuli with trials, a stimulus not above zero,
-// lapse_rate_most outside [0, 0.5] or given with least squares; answers all alike (nothing to fit).
+// lapse_rate_max outside [0, 0.5] or given with least squares; answers all alike (nothing to fit).
 Fit fit_weibull(const std::vector<StimulusCount>&, const FitOptions& = {});
 
 // The same from a start that is near, as in a bootstrap: no search for one, and to 1e-4 of the threshold.

@@ -97,15 +97,15 @@ class Simplex {
   const std::function<double(const Parameters&)>& cost_;
   std::size_t n_;
   unsigned evaluations_ = 0;
-  std::array<Vertex, kParametersMost + 1> vertices_{};
+  std::array<Vertex, kParametersMax + 1> vertices_{};
 };
 
 }  // namespace
 
 NelderMeadResult nelder_mead(const std::function<double(const Parameters&)>& cost, const Parameters& start,
                              std::size_t dimensions, const NelderMeadOptions& options) {
-  if (dimensions < 1 || dimensions > kParametersMost)
-    throw std::invalid_argument("dimensions: 1 to " + std::to_string(kParametersMost));
+  if (dimensions < 1 || dimensions > kParametersMax)
+    throw std::invalid_argument("dimensions: 1 to " + std::to_string(kParametersMax));
   Simplex simplex(cost, start, dimensions, options.first_step);
   if (!std::isfinite(simplex.best().value))
     throw std::invalid_argument("start: the cost is not finite there");

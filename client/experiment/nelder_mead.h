@@ -7,8 +7,8 @@
 
 namespace teletact::client {
 
-constexpr std::size_t kParametersMost = 3;
-using Parameters = std::array<double, kParametersMost>;  // only the first `dimensions` are used
+constexpr std::size_t kParametersMax = 3;
+using Parameters = std::array<double, kParametersMax>;  // only the first `dimensions` are used
 
 struct NelderMeadOptions {
   double first_step = 0.2;      // of the first simplex, in every parameter
@@ -23,7 +23,7 @@ struct NelderMeadResult {
   bool converged = false;  // ended by the tolerance
 };
 
-// Least value of `cost` found from `start`; 1 <= dimensions <= kParametersMost. `cost` may be infinite where
+// Least value of `cost` found from `start`; 1 <= dimensions <= kParametersMax. `cost` may be infinite where
 // it is not defined, and finite at the start. Throws std::invalid_argument when it is not finite there.
 NelderMeadResult nelder_mead(const std::function<double(const Parameters&)>& cost, const Parameters& start,
                              std::size_t dimensions, const NelderMeadOptions& = {});

@@ -71,10 +71,10 @@ void validate(const SpringPlace& place) {
 }
 
 void require_shown(const DeviceProfile& profile, double stiffness_n_m) {
-  const double most_n_m = profile.limits().largest_stiffness_n_m;
-  if (!(stiffness_n_m <= most_n_m))
+  const double max_n_m = profile.limits().largest_stiffness_n_m;
+  if (!(stiffness_n_m <= max_n_m))
     throw std::invalid_argument("stimuli_n_m: the device '" + profile.name + "' shows at most " +
-                                std::to_string(static_cast<int>(most_n_m)) +
+                                std::to_string(static_cast<int>(max_n_m)) +
                                 " N/m, and a harder stimulus would be felt as that; give softer ones");
 }
 

@@ -49,11 +49,11 @@ class FeltTicks {
 // Trials that were begun and could not be felt to their end.
 class VoidTrials {
  public:
-  static constexpr unsigned kMost = 3;  // in a row
+  static constexpr unsigned kMax = 3;  // in a row
   // One more, for that reason. Throws DisplayLost when it is one too many.
   void add(const std::string& why) {
-    if (++in_a_row_ >= kMost)
-      throw DisplayLost("the trial could not be felt " + std::to_string(kMost) + " times in a row: " + why);
+    if (++in_a_row_ >= kMax)
+      throw DisplayLost("the trial could not be felt " + std::to_string(kMax) + " times in a row: " + why);
   }
 
  private:

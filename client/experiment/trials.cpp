@@ -10,7 +10,7 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kTrialsMost = 1e6;
+constexpr double kTrialsMax = 1e6;
 
 void require_stiffness(double value_n_m, const char* field) {
   if (!(value_n_m > 0) || !std::isfinite(value_n_m))
@@ -55,7 +55,7 @@ void validate(const ExperimentPlan& plan) {
   if (plan.trials_per_stimulus < 1) throw std::invalid_argument("trials_per_stimulus: give at least one");
   if (plan.counterbalanced && plan.trials_per_stimulus % 2 != 0)
     throw std::invalid_argument("trials_per_stimulus: give an even number to counterbalance");
-  if (static_cast<double>(plan.trials_per_stimulus) * static_cast<double>(different.size()) > kTrialsMost)
+  if (static_cast<double>(plan.trials_per_stimulus) * static_cast<double>(different.size()) > kTrialsMax)
     throw std::invalid_argument("trials_per_stimulus: more than a million trials in all");
 }
 

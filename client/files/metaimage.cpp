@@ -260,11 +260,11 @@ std::vector<std::byte> unpacked(const Place& place, long double declared) {
   if (inflateInit2(&stream, kZlibOrGzip) != Z_OK) throw std::bad_alloc();
   int result = Z_OK;
   for (std::size_t taken = 0, made = 0; result == Z_OK;) {
-    constexpr std::size_t kMost = std::size_t{1} << 30;  // zlib counts in 32 bits
+    constexpr std::size_t kMax = std::size_t{1} << 30;  // zlib counts in 32 bits
     stream.next_in = reinterpret_cast<Bytef*>(in.data() + taken);
-    stream.avail_in = static_cast<uInt>(std::min(kMost, in.size() - taken));
+    stream.avail_in = static_cast<uInt>(std::min(kMax, in.size() - taken));
     stream.next_out = reinterpret_cast<Bytef*>(out.data() + made);
-    stream.avail_out = static_cast<uInt>(std::min(kMost, out.size() - made));
+    stream.avail_out = static_cast<uInt>(std::min(kMax, out.size() - made));
     result = inflate(&stream, Z_NO_FLUSH);
     taken = static_cast<std::size_t>(reinterpret_cast<std::byte*>(stream.next_in) - in.data());
     made = static_cast<std::size_t>(reinterpret_cast<std::byte*>(stream.next_out) - out.data());

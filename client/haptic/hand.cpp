@@ -62,8 +62,8 @@ void Hand::intend(const OperatorView& view, const Vector3& position_m, double dt
     phase_ = Phase::kHover;
     speed_m_s_ = correction_m_ = 0;
     const double hover_m = view.surface.offset_m - options_.hover_m;
-    const double most_m = options_.speed_m_s * dt_s;
-    target_m_.y() += std::clamp(hover_m - target_m_.y(), -most_m, most_m);
+    const double max_m = options_.speed_m_s * dt_s;
+    target_m_.y() += std::clamp(hover_m - target_m_.y(), -max_m, max_m);
     // The button is pressed and released until it has been heard.
     constexpr double kPressS = 0.05;
     const bool asks = view.link_alive && indentation_m < -options_.hover_m / 2;
@@ -86,9 +86,9 @@ void Hand::press(const OperatorView& view, double indentation_m, double dt_s) no
     if (target_m_.y() < depth_m) return;
     phase_ = Phase::kSweep;
   }
-  const double most_m = 5 * options_.indentation_m;
+  const double max_m = 5 * options_.indentation_m;
   correction_m_ += options_.depth_gain_1_s * (options_.indentation_m - indentation_m) * dt_s;
-  correction_m_ = std::clamp(correction_m_, -options_.indentation_m, most_m);
+  correction_m_ = std::clamp(correction_m_, -options_.indentation_m, max_m);
   target_m_.y() = view.surface.offset_m + options_.indentation_m + correction_m_;
 }
 

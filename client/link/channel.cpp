@@ -140,7 +140,7 @@ std::shared_ptr<grpc::Channel> Connecting::wait(double wait_s) {
   const bool hangs = attempts_.empty() || attempts_.back()->GetState(true) == GRPC_CHANNEL_CONNECTING;
   if (hangs && now >= next_attempt_) {
     attempts_.push_back(make_channel(address_, credentials_));
-    if (attempts_.size() > kMostAttempts) attempts_.pop_front();
+    if (attempts_.size() > kMaxAttempts) attempts_.pop_front();
     next_attempt_ = now + std::chrono::milliseconds(static_cast<int>(1e3 * kAttemptS));
   }
   wait_connected(*attempts_.back(), wait_s);

@@ -42,7 +42,7 @@ class Connecting {
   std::shared_ptr<grpc::Channel> wait(double wait_s);
 
  private:
-  static constexpr std::size_t kMostAttempts = 15;  // each gets 3 s, enough for slow handshakes
+  static constexpr std::size_t kMaxAttempts = 15;  // each gets 3 s, enough for slow handshakes
   std::string address_;
   Credentials credentials_;
   std::deque<std::shared_ptr<grpc::Channel>> attempts_;

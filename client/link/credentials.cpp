@@ -10,9 +10,9 @@ namespace teletact::client {
 namespace {
 
 std::string text_of(const std::string& flag, const std::string& path) {
-  constexpr std::size_t kMost = std::size_t{1} << 20;
+  constexpr std::size_t kMax = std::size_t{1} << 20;
   try {
-    return read_small_stream(path, kMost);
+    return read_small_stream(path, kMax);
   } catch (const UnreadFile& error) {
     throw std::runtime_error(flag + " " + path + ": " + error.what() + "; give a file that can be read");
   }
@@ -29,10 +29,10 @@ std::string read_pem(const std::string& flag, const std::string& path, const std
 }
 
 std::string read_token(const std::string& path) {
-  constexpr std::size_t kMost = 512;
+  constexpr std::size_t kMax = 512;
   std::string text = text_of("--token-file", path);
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
-  const bool fits = !text.empty() && text.size() <= kMost &&
+  const bool fits = !text.empty() && text.size() <= kMax &&
                     std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c <= '~'; });
   if (!fits)
     throw std::runtime_error("--token-file " + path +

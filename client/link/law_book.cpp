@@ -10,15 +10,15 @@ namespace {
 
 constexpr double kFarthestM = 10;  // of what is believed
 constexpr double kStaysM = 0.005;  // a finger that has come further gets another part of the law
-constexpr int kMostInPiece = 64;
+constexpr int kMaxInPiece = 64;
 
 // None where it is malformed.
 std::optional<std::vector<LawColumn>> columns_from(const v1::LawPiece& piece) {
-  if (piece.columns_size() < 1 || piece.columns_size() > kMostInPiece) return std::nullopt;
+  if (piece.columns_size() < 1 || piece.columns_size() > kMaxInPiece) return std::nullopt;
   std::vector<LawColumn> columns;
   for (const v1::LawColumn& in : piece.columns()) {
     const int rows = in.log_indentation_size();
-    if (rows < 1 || rows > int(LawColumn::kMostRows)) return std::nullopt;
+    if (rows < 1 || rows > int(LawColumn::kMaxRows)) return std::nullopt;
     const bool area = in.samples_size() == int(LawSample::kOfAnArea) * rows;
     if (!area && in.samples_size() != int(LawSample::kOfAPlane) * rows) return std::nullopt;
     LawColumn& column = columns.emplace_back();
@@ -113,7 +113,7 @@ void LawBook::forget_far_from(double x_m, double z_m) {
   const auto farther_first = [](const auto& all, double at) {
     return std::abs(all.begin()->first - at) > std::abs(all.rbegin()->first - at);
   };
-  while (columns_ > kMostColumns) {
+  while (columns_ > kMaxColumns) {
     const auto far = farther_first(lanes_, z_m) ? lanes_.begin() : std::prev(lanes_.end());
     Lane& lane = far->second;
     lane.erase(farther_first(lane, x_m) ? lane.begin() : std::prev(lane.end()));
@@ -132,12 +132,12 @@ std::optional<NearLaw> LawBook::fresh(double x_m, double z_m, bool guesses) {
   law.layer_depth_m = layer_depth_m_;
   // As many to one side as to the other, along both.
   const auto [first, last] =
-      around(lanes_.begin(), lanes_.lower_bound(z_m), lanes_.end(), NearLaw::kMostLanes);
+      around(lanes_.begin(), lanes_.lower_bound(z_m), lanes_.end(), NearLaw::kMaxLanes);
   const auto lanes = static_cast<std::size_t>(std::distance(first, last));
   for (auto lane = first; lane != last; ++lane) {
     const auto& columns = lane->second;
     const auto [begin, end] =
-        around(columns.begin(), columns.lower_bound(x_m), columns.end(), NearLaw::kMost / lanes);
+        around(columns.begin(), columns.lower_bound(x_m), columns.end(), NearLaw::kMax / lanes);
     bool missing = false;
     for (auto at = begin; at != end; ++at) {
       missing = missing || !at->second.joined;

@@ -14,7 +14,7 @@ namespace teletact::client {
 
 class LawBook {
  public:
-  static constexpr std::size_t kMostColumns = 1024;  // those farthest from the finger go first
+  static constexpr std::size_t kMaxColumns = 1024;  // those farthest from the finger go first
 
   // Another stream, on the layer at this depth: nothing is known.
   void open(double layer_depth_m);

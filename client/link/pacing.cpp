@@ -6,11 +6,11 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kMostStartS = 0.016;  // tolerated while no queue was seen: a busy machine makes as much
+constexpr double kMaxStartS = 0.016;  // tolerated while no queue was seen: a busy machine makes as much
 
 }  // namespace
 
-void RecentLeast::add(double value, std::int64_t now_ns) noexcept {
+void RecentMin::add(double value, std::int64_t now_ns) noexcept {
   const auto count = static_cast<std::int64_t>(buckets_.size());
   const std::int64_t bucket = now_ns / kBucketNs;
   for (std::int64_t old = std::max(newest_ + 1, bucket - count + 1); old <= bucket; ++old)
@@ -20,12 +20,12 @@ void RecentLeast::add(double value, std::int64_t now_ns) noexcept {
   least = std::min(least, value);
 }
 
-double RecentLeast::value() const noexcept {
+double RecentMin::value() const noexcept {
   return *std::min_element(buckets_.begin(), buckets_.end());
 }
 
 Pacing::Pacing(double period_s, unsigned credit) noexcept
-    : period_s_(period_s), credit_(std::clamp(credit, 1U, kMost)) {}
+    : period_s_(period_s), credit_(std::clamp(credit, 1U, kMax)) {}
 
 unsigned Pacing::in_flight() const noexcept {
   return std::min(credit_, static_cast<unsigned>(in_flight_));
@@ -53,7 +53,7 @@ void Pacing::answered(std::uint64_t sequence, double round_trip_s, std::int64_t 
 
   constexpr double kGrowth = 1.0 / 32, kFilling = 1.0 / 8;  // per answer, so much more in a round trip
   in_flight_ += std::max(1 / in_flight_, filling_ ? std::min(kFilling * in_flight_, 1.0) : kGrowth);
-  least_s_ = answers_ == 0 ? round_trip_s : std::min(least_s_, round_trip_s);
+  min_s_ = answers_ == 0 ? round_trip_s : std::min(min_s_, round_trip_s);
   if (++answers_ >= std::max(2.0, in_flight_ / 4)) {
     judge(now_ns);
     answers_ = 0;
@@ -66,12 +66,12 @@ void Pacing::answered(std::uint64_t sequence, double round_trip_s, std::int64_t 
 void Pacing::judge(std::int64_t now_ns) noexcept {
   const double shortest_s = shortest_s_.value();
   const double jitter_s = std::min(2 * differ_s_, smooth_s_ / 3);
-  const double start_s = filling_ ? std::min(shortest_s / 8, kMostStartS) : 0;
-  if (least_s_ - shortest_s <= period_s_ + std::max(jitter_s, start_s)) {
+  const double start_s = filling_ ? std::min(shortest_s / 8, kMaxStartS) : 0;
+  if (min_s_ - shortest_s <= period_s_ + std::max(jitter_s, start_s)) {
     filling_ = filling_ || in_flight_ > 2 * full_ + kFewest;
   } else if (in_flight_ < kFewest + 1) {
     shortest_s_.restart();
-    shortest_s_.add(least_s_, now_ns);
+    shortest_s_.add(min_s_, now_ns);
     filling_ = true;
   } else {
     full_ = in_flight_ * shortest_s / last_s_;

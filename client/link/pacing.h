@@ -19,11 +19,11 @@
 namespace teletact::client {
 
 // The least value of the last seconds.
-class RecentLeast {
+class RecentMin {
  public:
   static constexpr std::int64_t kBucketNs = 1'000'000'000;
   void add(double value, std::int64_t now_ns) noexcept;
-  void restart() noexcept { *this = RecentLeast(); }
+  void restart() noexcept { *this = RecentMin(); }
   double value() const noexcept;  // infinity of none
 
  private:
@@ -35,7 +35,7 @@ class RecentLeast {
 class Pacing {
  public:
   static constexpr unsigned kFewest = 2;  // one is on its way while another is answered
-  static constexpr unsigned kMost = 256;  // palpation.proto
+  static constexpr unsigned kMax = 256;  // palpation.proto
 
   Pacing() noexcept = default;
   // A stream with answers every `period_s` at best, of which `credit` may be unacknowledged.
@@ -60,12 +60,12 @@ class Pacing {
   double full_ = 0;      // so many the link held when one was seen last
   std::uint64_t sent_ = 0;
   std::uint64_t waits_for_ = 0;  // poses before it were under way before fewer were
-  RecentLeast shortest_s_;
+  RecentMin shortest_s_;
   double smooth_s_ = 0, last_s_ = 0, differ_s_ = 0;  // round trips; from one to the next
   bool known_ = false;
   // Of the answers since they were judged last: the shortest round trip of these is no accident.
   unsigned answers_ = 0;
-  double least_s_ = 0;
+  double min_s_ = 0;
 };
 
 }  // namespace teletact::client

@@ -14,7 +14,7 @@ namespace teletact::client {
 class PosePace {
  public:
   static constexpr double kHeartbeatS = 0.1;
-  static constexpr double kLeastS = 0.001;  // between poses
+  static constexpr double kMinS = 0.001;  // between poses
   // Where a law is rendered answers only check it; and where they bring tactile images, too.
   static constexpr double kLawPeriodS = 0.05, kTactilePeriodS = 0.02;
   static constexpr std::int64_t kLookAgainNs = 250'000;  // for the servo's next pose
@@ -22,7 +22,7 @@ class PosePace {
   // From one pose to the next. `link_s`: as often as the link and the service take them.
   static double interval_s(double link_s, bool by_law, bool tactile) noexcept {
     const double by_law_s = tactile ? kTactilePeriodS : kLawPeriodS;
-    return std::max({link_s, kLeastS, by_law ? by_law_s : 0.0});
+    return std::max({link_s, kMinS, by_law ? by_law_s : 0.0});
   }
 
   explicit PosePace(std::int64_t now_ns) noexcept : next_ns_(now_ns) {}

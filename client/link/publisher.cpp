@@ -66,7 +66,7 @@ void Publisher::append(v1::RecordEntry entry) {
     std::lock_guard lock(mutex_);
     if (opens) first_.resize(1);  // a new stream
     if ((opens || opened) && first_.size() < 3) first_.push_back(bytes);
-    if (fresh_bytes_ + bytes->size() > kMostQueuedBytes) {
+    if (fresh_bytes_ + bytes->size() > kMaxQueuedBytes) {
       ++dropped_;
       return;
     }
@@ -78,7 +78,7 @@ void Publisher::append(v1::RecordEntry entry) {
 }
 
 void Publisher::queue_for(Peer& peer, const Bytes& bytes) {
-  if (peer.queued_bytes + bytes->size() > kMostQueuedBytes) {
+  if (peer.queued_bytes + bytes->size() > kMaxQueuedBytes) {
     ++dropped_;
     return;
   }
@@ -103,7 +103,7 @@ bool Publisher::send(Peer& peer) {
 
 void Publisher::accept() {
   FileDescriptor file(::accept4(listening_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-  if (!file || peers_.size() >= kMostPeers) return;  // one too many is closed
+  if (!file || peers_.size() >= kMaxPeers) return;  // one too many is closed
   std::lock_guard lock(mutex_);
   peers_.push_back({std::move(file), {}, 0, 0});
   for (const Bytes& bytes : first_) queue_for(peers_.back(), bytes);

@@ -21,8 +21,8 @@ namespace teletact::client {
 
 class Publisher : public RecordSink {
  public:
-  static constexpr std::size_t kMostPeers = 8;
-  static constexpr std::size_t kMostQueuedBytes = std::size_t{4} << 20;  // of a peer
+  static constexpr std::size_t kMaxPeers = 8;
+  static constexpr std::size_t kMaxQueuedBytes = std::size_t{4} << 20;  // of a peer
   static constexpr const char* kFlag = "--publish";
 
   // Listens at `path`. Throws std::runtime_error, one line that names the flag.

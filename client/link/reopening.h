@@ -11,7 +11,7 @@ namespace teletact::client {
 class Reopening {
  public:
   static constexpr double kRetryS = 0.1;      // from a stream's end to the next
-  static constexpr double kMostRetryS = 5.0;  // when it is refused again and again
+  static constexpr double kMaxRetryS = 5.0;  // when it is refused again and again
   static constexpr double kSettledS = 5.0;    // a stream that lived for so long
 
   // After a stream that has ended. `lived_s`: since it was opened; 0: it never was.
@@ -24,7 +24,7 @@ class Reopening {
     if (lived_s > kSettledS) backoff.restart();
     return backoff.next_s();
   }
-  Backoff refused_{kRetryS, kMostRetryS}, moves_{kRetryS, kMostRetryS};
+  Backoff refused_{kRetryS, kMaxRetryS}, moves_{kRetryS, kMaxRetryS};
 };
 
 }  // namespace teletact::client

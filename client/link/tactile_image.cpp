@@ -21,12 +21,12 @@ bool read_taxels(const v1::Array& in, const TactileImage& image, std::vector<flo
 }  // namespace
 
 std::optional<TactileImage> tactile_from(const v1::TactileImage& in) {
-  constexpr std::uint32_t kMostTaxels = 1024;  // a side
+  constexpr std::uint32_t kMaxTaxels = 1024;  // a side
   TactileImage out;
   const v1::Array& pressure = in.pressure_pa();
   if (in.centre_m_size() != 3 || pressure.shape_size() != 2) return std::nullopt;
   for (const std::uint32_t size : pressure.shape())
-    if (size < 1 || size > kMostTaxels) return std::nullopt;
+    if (size < 1 || size > kMaxTaxels) return std::nullopt;
   out.sequence = in.sequence();
   out.along_z = pressure.shape(0);
   out.along_x = pressure.shape(1);

@@ -44,7 +44,7 @@ std::string TouchAnswers::take_opened(const v1::TouchOpened& opened, std::int64_
   const v1::Region& covered = opened.covered();
   for (const double end_m : {covered.begin_x_m(), covered.end_x_m(), covered.begin_z_m(), covered.end_z_m()})
     if (!(std::abs(end_m) <= kFarthestM)) return problem("covered", end_m, "it must be within 10 m");
-  if (opened.credit() < 1 || opened.credit() > Pacing::kMost)
+  if (opened.credit() < 1 || opened.credit() > Pacing::kMax)
     return problem("credit", opened.credit(), "it must be 1 to 256");
   stats.period_s = opened.period_s();
   pacing = Pacing(opened.period_s(), opened.credit());

@@ -16,7 +16,7 @@ namespace {
 // From this round trip on a guessed law is nearer to the tissue than answers are: at 120 mm/s they are of 4
 // mm before.
 constexpr double kGuessedFromS = 0.03, kGuessedToS = 0.02;
-constexpr std::size_t kMostTried = 4096;  // messages of a successor that does not come into force
+constexpr std::size_t kMaxTried = 4096;  // messages of a successor that does not come into force
 
 std::chrono::steady_clock::duration duration(std::int64_t ns) {
   return std::chrono::nanoseconds(ns);
@@ -99,7 +99,7 @@ void TouchLink::read(Stream& stream, Attempt& attempt) {
     if (response.has_opened()) take_opened(attempt, response.opened(), now_ns);
     if (response.has_answer()) take_answer(attempt, response.answer(), now_ns);
     if (response.has_law()) take_law(attempt, response.law());
-    if (&attempt != in_force_ && ++tried > kMostTried)
+    if (&attempt != in_force_ && ++tried > kMaxTried)
       attempt.problem = "it answers nothing that can be felt";
     changed_.notify_all();
   }

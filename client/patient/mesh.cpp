@@ -8,7 +8,7 @@ namespace teletact::client {
 namespace {
 
 constexpr double kPlaneFineDepth = 0.025, kBelowInclusion = 0.002, kPlaneGrowth = 1.15;
-constexpr double kMostBytes = 4e9;  // of the column solver's factor, nx (2 ny)^2 doubles
+constexpr double kMaxBytes = 4e9;  // of the column solver's factor, nx (2 ny)^2 doubles
 
 std::vector<double> row_depths(const Tissue& tissue, double spacing_m) {
   double fine = kPlaneFineDepth;
@@ -54,7 +54,7 @@ PatientMesh make_mesh(const Tissue& tissue, double spacing_m) {
   for (std::size_t i = 0; i <= columns; ++i)
     mesh.x_m.push_back(tissue.width_m * static_cast<double>(i) / static_cast<double>(columns));
   mesh.y_m = row_depths(tissue, spacing_m);
-  if (32 * static_cast<double>(columns) * std::pow(static_cast<double>(mesh.ny()), 2) > kMostBytes)
+  if (32 * static_cast<double>(columns) * std::pow(static_cast<double>(mesh.ny()), 2) > kMaxBytes)
     throw TissueError("tissue.width_m, tissue.depth_m: the mesh needs more than 4 GB; reduce them");
   for (std::size_t j = 0; j + 1 < mesh.ny(); ++j)
     for (std::size_t i = 0; i < columns; ++i)

@@ -10,7 +10,7 @@ namespace teletact::client {
 namespace {
 
 constexpr double kWindow = 0.060, kDeepest = 0.025, kGap = 0.015, kCover = 0.002, kMargin = 0.012;
-constexpr double kSmallest = 0.008, kLargest = 0.015, kLeastContrast = 3, kMostContrast = 10;
+constexpr double kSmallest = 0.008, kLargest = 0.015, kMinContrast = 3, kMaxContrast = 10;
 
 using Random = std::mt19937_64;
 
@@ -51,7 +51,7 @@ std::vector<Inclusion> placed(Random& random, std::size_t count, double width_m)
   for (std::size_t k = 0; k < count; ++k) {
     Inclusion next;
     next.diameter_m = stratified(random, sizes, k, kSmallest, kLargest);
-    next.contrast = stratified(random, contrasts, k, kLeastContrast, kMostContrast);
+    next.contrast = stratified(random, contrasts, k, kMinContrast, kMaxContrast);
     const double radius = next.diameter_m / 2;
     next.y_m = stratified(random, depths, k, radius + kCover, kDeepest - radius);
     bool found = false;
@@ -86,7 +86,7 @@ Tissue random_tissue(std::uint64_t seed) {
 
 Tissue random_solid_tissue(std::uint64_t seed) {
   constexpr std::size_t kLumps = 3;
-  constexpr double kLeastM = 0.008, kMostM = 0.012, kContrast = 6, kBottomM = 0.020, kAsideM = 0.018,
+  constexpr double kMinM = 0.008, kMaxM = 0.012, kContrast = 6, kBottomM = 0.020, kAsideM = 0.018,
                    kApartM = 0.006;
   Random random(seed * 0x9E3779B97F4A7C15u + 3);
   Tissue tissue;
@@ -107,8 +107,8 @@ Tissue random_solid_tissue(std::uint64_t seed) {
   for (std::size_t k = 0; k < kLumps; ++k) {
     Inclusion next;
     next.sphere = true;
-    next.diameter_m = stratified(random, sizes, k, kLeastM, kMostM);
-    next.contrast = stratified(random, contrasts, k, kLeastContrast, kContrast);
+    next.diameter_m = stratified(random, sizes, k, kMinM, kMaxM);
+    next.contrast = stratified(random, contrasts, k, kMinContrast, kContrast);
     const double radius = next.diameter_m / 2;
     next.y_m = stratified(random, depths, k, radius + kCover, kBottomM - radius);
     do {

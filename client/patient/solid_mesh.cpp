@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kAlongYAndZ = 0.7, kGrowth = 0.4, kCoarsest = 6, kCoarsestBelow = 2, kAtEdge = 0.1;
 constexpr double kFineDepth = 0.025, kBeyondLump = 0.002, kFineBesideM = 0.003;
-constexpr double kMostNodes = 2e6;
+constexpr double kMaxNodes = 2e6;
 
 // How far apart lines are, anywhere along an axis.
 struct Spacing {
@@ -113,7 +113,7 @@ SolidMesh make_solid_mesh(const Tissue& t, double window_x_m, double spacing_m, 
     for (const double below : lines(t.depth_m, t.depth_m + solid.bed_depth_m,
                                     {kCoarsestBelow * narrow_m, kCoarsestBelow * narrow_m, 0, 1, {}}))
       if (below > t.depth_m) mesh.y_m.push_back(below);
-  if (static_cast<double>(mesh.nodes()) > kMostNodes)
+  if (static_cast<double>(mesh.nodes()) > kMaxNodes)
     throw TissueError(
         "tissue.width_m, tissue.depth_m, solid.elevational_width_m: the mesh needs more than two "
         "million nodes; reduce them");

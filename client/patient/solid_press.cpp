@@ -19,9 +19,9 @@ using Index = Eigen::Index;
 
 constexpr double kLeftOver = 1e-6;  // of the energy
 constexpr std::size_t kRun = 10;
-constexpr int kMostSteps = 20000;
+constexpr int kMaxSteps = 20000;
 constexpr double kSmoothedSlide = 1e-3;  // of the push
-constexpr int kMostFrictionSteps = 30, kMostContactSteps = 12;
+constexpr int kMaxFrictionSteps = 30, kMaxContactSteps = 12;
 constexpr double kFrictionSettled = 0.01;
 
 // The lower triangle of K, no node held. Rows of a column are sorted as its neighbours are numbered.
@@ -108,7 +108,7 @@ void descend(const Matrix& k, const Eigen::VectorXd& f, double energy, Eigen::Ve
   Eigen::VectorXd r = f - lower * u, z = factor.solve(r), p = z, kp(u.size());
   double rho = r.dot(z);
   std::deque<double> run;
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (int step = 0; step < kMaxSteps; ++step) {
     if (rho == 0) return;
     kp.noalias() = lower * p;
     const double alpha = rho / p.dot(kp);
@@ -259,7 +259,7 @@ class Press {
     std::vector<char> touches(all.size());
     for (std::size_t n = 0; n < all.size(); ++n) touches[n] = depth_m(all[n]) > 0;
     bool changed = true;
-    for (int step = 0; changed && step < kMostContactSteps; ++step) {
+    for (int step = 0; changed && step < kMaxContactSteps; ++step) {
       Condition c = support();
       for (std::size_t n = 0; n < all.size(); ++n)
         if (touches[n]) c.hold(3 * all[n].node + 1, depth_m(all[n]));
@@ -285,7 +285,7 @@ class Press {
       c.held[3 * n.node] = 0, c.held[3 * n.node + 2] = mesh_.half && on_plane(n);
     Eigen::VectorXd before = Eigen::VectorXd::Zero(u_.size());
     double changed = 1;
-    for (int step = 0; changed > kFrictionSettled && step < kMostFrictionSteps; ++step) {
+    for (int step = 0; changed > kFrictionSettled && step < kMaxFrictionSteps; ++step) {
       const Eigen::VectorXd f = reaction();
       for (const FaceNode& n : face_) {
         const auto x = static_cast<Index>(3 * n.node);

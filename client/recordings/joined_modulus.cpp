@@ -10,10 +10,10 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kLeastQuality = 0.6;  // of the best pair's
-constexpr double kMostApart = 2;       // stated deviations from the others, median over the nodes
+constexpr double kMinQuality = 0.6;  // of the best pair's
+constexpr double kMaxApart = 2;       // stated deviations from the others, median over the nodes
 constexpr double kReachM = 5e-3;       // to each side, over which pairs are compared: errors are alike nearby
-constexpr double kMostOwnPart = 0.5;   // of the stated variance: speckle, face, depth and model are one
+constexpr double kMaxOwnPart = 0.5;   // of the stated variance: speckle, face, depth and model are one
 constexpr double kDifferMuch = 2;      // times the stated variance
 constexpr std::size_t kCompared = 4000;  // nodes, about, that pairs are compared by
 
@@ -88,7 +88,7 @@ void choose(const std::vector<PairModulus>& pairs, bool absolute, std::vector<Pa
   double best = 0;
   for (const PairModulus& pair : pairs) best = std::max(best, pair.quality);
   for (std::size_t p = 0; p < pairs.size(); ++p)
-    if (pairs[p].quality < kLeastQuality * best)
+    if (pairs[p].quality < kMinQuality * best)
       use[p].left_out = fmt::format("quality {:.2f} where the best pair has {:.2f}", pairs[p].quality, best);
   const Joint joint(pairs, use);
   if (!absolute) match_levels(joint, use);
@@ -98,7 +98,7 @@ void choose(const std::vector<PairModulus>& pairs, bool absolute, std::vector<Pa
     for (std::size_t p = 0; p < pairs.size(); ++p)
       if (joint.in(p))
         if (const double apart = joint.apart(p); apart > most) most = apart, worst = p;
-    if (!(most > kMostApart)) break;
+    if (!(most > kMaxApart)) break;
     use[worst].left_out = fmt::format(
         "differs from the other pairs by {:.1f} of its deviations (median){}", most,
         absolute ? fmt::format(", {:.2f} times their modulus", std::exp(joint.level(worst))) : "");
@@ -178,7 +178,7 @@ JoinedModulus join_moduli(const MapNodes& nodes, const std::vector<PairModulus>&
     double common = stated * stated, own = 0;
     if (s.count > 1) {
       const double differing = squares_around[n] / freedom_around[n];
-      common *= 1 - std::min(differing, kMostOwnPart);
+      common *= 1 - std::min(differing, kMaxOwnPart);
       own = differing / s.w;
       one.push_back(stated), scatter.push_back(std::sqrt(differing) * stated);
       shared.push_back(std::sqrt(common)), part.push_back(differing);

@@ -90,8 +90,8 @@ void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m,
   const bool owed = gain_short_ > 0;
   dissipated_j_ = owed ? 0 : passivity_.dissipated_j();
   const double stored_j = input.rendered.stored_j;
-  const double most_j = options_.limits.largest_force_n * std::max(indentation_m, 0.0);
-  const double held_j = std::isfinite(stored_j) ? std::min(stored_j, most_j) : 0;
+  const double max_j = options_.limits.largest_force_n * std::max(indentation_m, 0.0);
+  const double held_j = std::isfinite(stored_j) ? std::min(stored_j, max_j) : 0;
   law_touched_ = held_j > 0 && (by_law || law_touched_);
   if (!law_touched_) {
     ledger_j_ = gain_short_ = 0;
@@ -125,8 +125,8 @@ Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
   // A debt fades what is rendered, not the damping that pays it; and that never pulls a finger in.
   Vector3 force_n = debt_gain_ * model_n + passivity_.damping_force(hand_m_s(input), dt_s);
   const Vector3& normal = input.surface.normal;
-  const double most_n = std::max(debt_gain_ * normal.dot(model_n), 0.0);
-  force_n -= std::max(normal.dot(force_n) - most_n, 0.0) * normal;
+  const double max_n = std::max(debt_gain_ * normal.dot(model_n), 0.0);
+  force_n -= std::max(normal.dot(force_n) - max_n, 0.0) * normal;
   force_n = cap_stiffness(force_n, indentation_m, limits.largest_stiffness_n_m);
   return cap_magnitude(force_n, ceiling_n);
 }

@@ -40,8 +40,8 @@ Vector2 LawRenderer::along_m() const noexcept {
 // finger in is none.
 bool LawRenderer::trusted(const LawValue& value) const noexcept {
   constexpr double kShare = 0.1, kFloorN = 0.005;
-  const double most_n = kShare * resistance_of(value).norm() + kFloorN;
-  const bool known = value.error_n - value.disagreement_n <= (by_law_ ? 2 : 1) * most_n;
+  const double max_n = kShare * resistance_of(value).norm() + kFloorN;
+  const bool known = value.error_n - value.disagreement_n <= (by_law_ ? 2 : 1) * max_n;
   const bool resists = !(value.energy_j > 0) || value.by_d_n > 0;
   return value.covered && !value.beyond && known && resists && !stale_ && !wrong(value.oldest) &&
          !wrong(value.newest) && surface_.normal == TouchedSurface{}.normal &&
@@ -60,10 +60,10 @@ void LawRenderer::judge_age() noexcept {
 Potential LawRenderer::softened(const LawValue& value, double d) const noexcept {
   if (!(d > 0) || !(value.energy_j > 0)) return {};
   const double stiffness = kBelow * options_.largest_stiffness_n_m, spring_j = stiffness * d * d / 2;
-  const double least_j = std::min(value.energy_j, spring_j);
+  const double min_j = std::min(value.energy_j, spring_j);
   const double sum =
-      std::pow(least_j / value.energy_j, kSharpness) + std::pow(least_j / spring_j, kSharpness);
-  const double phi_j = least_j * std::pow(sum, -1 / kSharpness);
+      std::pow(min_j / value.energy_j, kSharpness) + std::pow(min_j / spring_j, kSharpness);
+  const double phi_j = min_j * std::pow(sum, -1 / kSharpness);
   const double of_law = std::pow(phi_j / value.energy_j, kSharpness + 1);
   const double of_spring = std::pow(phi_j / spring_j, kSharpness + 1);
   return {of_law * resistance_of(value) + Vector3(0, of_spring * stiffness * d, 0), phi_j};
@@ -72,9 +72,9 @@ Potential LawRenderer::softened(const LawValue& value, double d) const noexcept 
 // Deeper than where the largest force is reached the energy goes on straight: as with a slider that slips
 // there.
 Potential LawRenderer::potential(const LawValue& value, const Vector3& position_m, double d) const noexcept {
-  const double most_n = kBelow * options_.largest_force_n;
+  const double max_n = kBelow * options_.largest_force_n;
   Potential free = softened(value, d);
-  if (free.resistance_n.y() <= most_n) return free;
+  if (free.resistance_n.y() <= max_n) return free;
   constexpr int kHalvings = 30;
   const auto at = [&](double depth_m) {
     return softened(evaluate(law_.used(), position_m.x(), depth_m, position_m.z()), depth_m);
@@ -82,11 +82,11 @@ Potential LawRenderer::potential(const LawValue& value, const Vector3& position_
   double below_m = 0, above_m = d;
   for (int k = 0; k < kHalvings; ++k) {
     const double middle_m = (below_m + above_m) / 2;
-    const bool slips = at(middle_m).resistance_n.y() > most_n;
+    const bool slips = at(middle_m).resistance_n.y() > max_n;
     (slips ? above_m : below_m) = middle_m;
   }
   const Potential slips = at(below_m);
-  return {{slips.resistance_n.x(), most_n, slips.resistance_n.z()}, slips.energy_j + most_n * (d - below_m)};
+  return {{slips.resistance_n.x(), max_n, slips.resistance_n.z()}, slips.energy_j + max_n * (d - below_m)};
 }
 
 // Where both columns are of the answer's version: across a border of versions neither is right or wrong

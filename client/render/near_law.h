@@ -13,8 +13,8 @@ namespace teletact::client {
 
 struct NearLaw {
   // Columns: 60 mm of a window whose law is fine, or 40 mm of 8 lanes of a solid.
-  static constexpr std::size_t kMost = 64, kMostLanes = 8;
-  std::array<LawColumn, kMost> columns{};
+  static constexpr std::size_t kMax = 64, kMaxLanes = 8;
+  std::array<LawColumn, kMax> columns{};
   std::size_t count = 0;
   double layer_depth_m = 0;  // of the layer that it is of, whose normal is y
   std::span<const LawColumn> used() const noexcept { return {columns.data(), count}; }

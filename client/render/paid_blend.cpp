@@ -19,8 +19,8 @@ void PaidBlend::change(const Vector3& felt_n_m, const Vector3& model_n_m) noexce
 // No faster than `largest_jump`, and no more of what is withheld than is paid for.
 void PaidBlend::settle(const Vector3& model_n_m, double indentation_m, double elapsed_s,
                        double dissipated_j) noexcept {
-  constexpr double kMostTicks = 1000;  // all is blended in by then
-  const double ticks = std::clamp(elapsed_s / options_.servo_period_s, 0.0, kMostTicks);
+  constexpr double kMaxTicks = 1000;  // all is blended in by then
+  const double ticks = std::clamp(elapsed_s / options_.servo_period_s, 0.0, kMaxTicks);
   reserve_j_ = std::isfinite(dissipated_j) ? std::min(reserve_j_ + dissipated_j, options_.largest_reserve_j)
                                            : dissipated_j;
   const double half_square = indentation_m * indentation_m / 2;  // 1/2 d^2: energy per stiffness

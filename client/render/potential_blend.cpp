@@ -11,13 +11,13 @@ void PotentialBlend::clear() noexcept {
 
 // A power outside of what a contact has is none: the force, or the energy, is the lesser one then.
 void PotentialBlend::change(const Potential& felt, const Vector2& along_m, double indentation_m) noexcept {
-  constexpr double kLeast = 1, kMost = 6;
+  constexpr double kMin = 1, kMax = 6;
   const double work_j = felt.resistance_n.y() * indentation_m;
   share_ = 0;
   energy_j_ = 0;
   along_m_ = along_m, indentation_m_ = indentation_m;
   if (!(work_j > 0 && felt.energy_j > 0)) return;
-  power_ = std::clamp(work_j / felt.energy_j, kLeast, kMost);
+  power_ = std::clamp(work_j / felt.energy_j, kMin, kMax);
   energy_j_ = std::min(felt.energy_j, work_j / power_);
   balance_j_ = std::min(balance_j_ + felt.energy_j - energy_j_, options_.largest_balance_j);
   slope_1_m_ = lateral(felt.resistance_n) / energy_j_;
@@ -35,7 +35,7 @@ Potential PotentialBlend::before(const Vector2& along_m, double indentation_m) c
 
 Potential PotentialBlend::settle(const Potential& model, const Vector2& along_m, double indentation_m,
                                  double elapsed_s, double dissipated_j) noexcept {
-  constexpr double kMostTicks = 1000;                           // all is blended in by then
+  constexpr double kMaxTicks = 1000;                           // all is blended in by then
   const double earned_j = dissipated_j > 0 ? dissipated_j : 0;  // what is no number earns nothing
   balance_j_ =
       std::isfinite(earned_j) ? std::min(balance_j_ + earned_j, options_.largest_balance_j) : earned_j;
@@ -46,7 +46,7 @@ Potential PotentialBlend::settle(const Potential& model, const Vector2& along_m,
     return Potential{old.resistance_n + share_ * (model.resistance_n - old.resistance_n),
                      old.energy_j + share_ * (model.energy_j - old.energy_j)};
   };
-  const double ticks = std::clamp(elapsed_s / options_.servo_period_s, 0.0, kMostTicks);
+  const double ticks = std::clamp(elapsed_s / options_.servo_period_s, 0.0, kMaxTicks);
   // Towards nothing a share of what is left would never end: of what was felt before.
   const double of_n = (model.energy_j > 0 ? felt() : old).resistance_n.norm();
   const double step_n =

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kEveryS = 0.01;       // the path is sampled so often
 constexpr double kStartRampS = 0.5;    // after force comes on it is ramped: not judged
-constexpr double kLeastForceN = 0.05;  // relative errors are taken where the true force exceeds this
+constexpr double kMinForceN = 0.05;  // relative errors are taken where the true force exceeds this
 
 ForceSamplePoint felt(const TouchRecord& record, const TouchTick& tick) {
   ForceSamplePoint point;
@@ -31,7 +31,7 @@ ForceSamplePoint compare(const Patient& patient, const TouchRecord& record, cons
   const TouchForce truth = patient.touch(record.finger, tick.x_m, tick.indentation_m);
   point.true_n = -truth.force_n[1];
   const double size = std::hypot(truth.force_n[0], truth.force_n[1]);
-  point.judged = tick.enabled && size > kLeastForceN;
+  point.judged = tick.enabled && size > kMinForceN;
   if (point.judged)
     point.relative_error =
         std::hypot(tick.force_x_n - truth.force_n[0], tick.force_y_n - truth.force_n[1]) / size;

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kSmoothM = 0.002;  // width of the median filter before the threshold
 constexpr double kThreshold = 1.5;  // times the background's median
-constexpr double kLeastAreaM2 = 15e-6;
+constexpr double kMinAreaM2 = 15e-6;
 constexpr double kMatchM = 0.005;     // found and true centres this close are the same
 constexpr double kInnerRadius = 0.7;  // (T3.3): contrast is taken well inside
 
@@ -96,7 +96,7 @@ InclusionReport find_inclusions(const ModulusGrid& map, const std::vector<Inclus
   for (std::size_t k = 0; k < above.size(); ++k) {
     if (!above[k]) continue;
     const std::vector<std::size_t> nodes = take_component(map, k, above);
-    if (static_cast<double>(nodes.size()) * map.dx_m * map.dy_m >= kLeastAreaM2)
+    if (static_cast<double>(nodes.size()) * map.dx_m * map.dy_m >= kMinAreaM2)
       report.found.push_back(measure(map, nodes, report.background_pa));
   }
   NearestMatches matches =

@@ -12,9 +12,9 @@ struct NearestMatches {
   std::vector<std::size_t> unmatched;  // what was found and is no true one's
 };
 
-// `apart_m(truth, found)`: metres; pairs farther apart than `most_m` do not match.
+// `apart_m(truth, found)`: metres; pairs farther apart than `max_m` do not match.
 template <class Apart>
-NearestMatches nearest_matches(std::size_t truths, std::size_t found, double most_m, const Apart& apart_m) {
+NearestMatches nearest_matches(std::size_t truths, std::size_t found, double max_m, const Apart& apart_m) {
   struct Pair {
     double apart_m;
     std::size_t truth, found;
@@ -22,7 +22,7 @@ NearestMatches nearest_matches(std::size_t truths, std::size_t found, double mos
   std::vector<Pair> pairs;
   for (std::size_t t = 0; t < truths; ++t)
     for (std::size_t f = 0; f < found; ++f)
-      if (const double apart = apart_m(t, f); apart <= most_m) pairs.push_back({apart, t, f});
+      if (const double apart = apart_m(t, f); apart <= max_m) pairs.push_back({apart, t, f});
   std::ranges::sort(pairs, {}, &Pair::apart_m);
   NearestMatches out{std::vector<int>(truths, -1), {}};
   std::vector<char> used(found, 0);

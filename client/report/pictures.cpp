@@ -153,15 +153,15 @@ void draw_periods(const std::filesystem::path& file, const TouchRecord& touch) {
 }
 
 bool draw_tactile(const std::filesystem::path& file, const TouchRecord& touch) {
-  constexpr std::size_t kMostFrames = 8;
-  constexpr double kLeastShare = 0.2;  // of the largest force: less is hardly a contact
+  constexpr std::size_t kMaxFrames = 8;
+  constexpr double kMinShare = 0.2;  // of the largest force: less is hardly a contact
   double largest_n = 0;
   for (const TactileFrame& frame : touch.tactile) largest_n = std::max(largest_n, frame.image.force_n);
   std::vector<const TactileFrame*> contacts;
   for (const TactileFrame& frame : touch.tactile)
-    if (frame.image.force_n > 0 && frame.image.force_n >= kLeastShare * largest_n) contacts.push_back(&frame);
+    if (frame.image.force_n > 0 && frame.image.force_n >= kMinShare * largest_n) contacts.push_back(&frame);
   if (contacts.empty()) return false;
-  const std::size_t frames = std::min(kMostFrames, contacts.size());
+  const std::size_t frames = std::min(kMaxFrames, contacts.size());
   std::vector<const TactileFrame*> shown;
   for (std::size_t k = 0; k < frames; ++k)
     shown.push_back(contacts[(2 * k + 1) * contacts.size() / (2 * frames)]);

@@ -19,7 +19,7 @@ using nlohmann::json;
 constexpr double kWindowS = 0.5, kTouchLatencyS = 0.010;
 constexpr double kTouchRateHz = 200, kCheckRateHz = 18;  // of answers that are felt; that check a contact law
 constexpr double kForceMedian = 0.10, kForceP95 = 0.30, kForceCoverage = 0.90;
-constexpr double kLeastContrast = 3, kLeastDiameterM = 0.008, kDeepestM = 0.025;
+constexpr double kMinContrast = 3, kMinDiameterM = 0.008, kDeepestM = 0.025;
 constexpr double kOverrunS = 0.001;
 
 json quantiles(std::vector<double> values, const char* middle_name, double middle) {
@@ -159,7 +159,7 @@ json inclusion_figures(const Tissue& tissue, const AcquireRecord& acquire, const
   for (std::size_t t = 0; t < tissue.inclusions.size(); ++t) {
     const Inclusion& inclusion = tissue.inclusions[t];
     truth.push_back(inclusion_json(inclusion, acquire, report, report.match[t]));
-    const bool promised = inclusion.contrast >= kLeastContrast && inclusion.diameter_m >= kLeastDiameterM &&
+    const bool promised = inclusion.contrast >= kMinContrast && inclusion.diameter_m >= kMinDiameterM &&
                           inclusion.y_m - inclusion.diameter_m / 2 <= kDeepestM;
     missed += promised && truth.back()["acquired"].get<bool>() && report.match[t] < 0;
   }

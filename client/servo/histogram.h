@@ -23,8 +23,8 @@ class Histogram {
     if (std::isnan(value)) return;
     ++counts_[bucket_of(value)];
     ++count_;
-    least_ = std::min(least_, value);
-    most_ = std::max(most_, value);
+    min_ = std::min(min_, value);
+    max_ = std::max(max_, value);
   }
 
   std::uint64_t count() const noexcept { return count_; }
@@ -32,18 +32,18 @@ class Histogram {
   double percentile(double share) const noexcept {
     if (count_ == 0) return 0;
     const double rank = std::ceil(std::clamp(share, 0.0, 1.0) * static_cast<double>(count_));
-    if (!(rank > 1)) return least_;
-    if (rank >= static_cast<double>(count_)) return most_;
+    if (!(rank > 1)) return min_;
+    if (rank >= static_cast<double>(count_)) return max_;
     std::uint64_t below = 0;
     std::size_t bucket = 0;
     while (static_cast<double>(below += counts_[bucket]) < rank) ++bucket;
-    return std::clamp(value_of(bucket), least_, most_);
+    return std::clamp(value_of(bucket), min_, max_);
   }
   // Calls each(value, count) for every bucket that holds anything, upwards.
   template <typename Each>
   void for_each(const Each& each) const {
     for (std::size_t k = 0; k < counts_.size(); ++k)
-      if (counts_[k] > 0) each(std::clamp(value_of(k), least_, most_), counts_[k]);
+      if (counts_[k] > 0) each(std::clamp(value_of(k), min_, max_), counts_[k]);
   }
 
  private:
@@ -67,8 +67,8 @@ class Histogram {
 
   std::array<std::uint64_t, 2 * kBuckets + 1> counts_{};
   std::uint64_t count_ = 0;
-  double least_ = std::numeric_limits<double>::infinity();
-  double most_ = -std::numeric_limits<double>::infinity();
+  double min_ = std::numeric_limits<double>::infinity();
+  double max_ = -std::numeric_limits<double>::infinity();
 };
 
 }  // namespace teletact::client

@@ -47,7 +47,7 @@ void TickStatistics::add(const ServoTick& tick) {
     period_s_.add(step_s);
     slack_s_.add(tick.slack_s);
   }
-  if (changed && changes_.size() < kMostChanges)
+  if (changed && changes_.size() < kMaxChanges)
     changes_.push_back({time_s, tick.state, tick.reason});
   else if (changed)
     ++changes_left_out_;

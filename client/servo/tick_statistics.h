@@ -40,8 +40,8 @@ struct StateChange {
 
 class TickStatistics {
  public:
-  static constexpr std::size_t kMostChanges = 1000;
-  TickStatistics() { changes_.reserve(kMostChanges); }
+  static constexpr std::size_t kMaxChanges = 1000;
+  TickStatistics() { changes_.reserve(kMaxChanges); }
   void add(const ServoTick& tick);
 
   std::uint64_t ticks() const noexcept { return ticks_; }

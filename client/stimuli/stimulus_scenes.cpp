@@ -24,8 +24,8 @@ constexpr double kWidthM = 0.12, kTissueDepthM = 0.03, kBreadthM = 0.06;
 constexpr double kPlaneElementM = 0.001, kSolidElementM = 0.002;
 constexpr double kToleratedShare = 0.02, kToleratedN = 0.0005;  // what a model may put a force off by
 constexpr double kFirstGuessPa = 2000;
-constexpr double kMostContrast = 20;
-constexpr unsigned kMostTouches = 12;
+constexpr double kMaxContrast = 20;
+constexpr unsigned kMaxTouches = 12;
 constexpr int kCreateS = 60, kLookS = 5, kRemoveS = 3;
 
 std::string random_name() {
@@ -117,7 +117,7 @@ v1::TouchOpen StimulusScenes::open(const std::string& scene_id) const {
   open.mutable_fingertip()->set_shape(v1::FINGERTIP_SHAPE_ROUNDED_TIP);
   open.mutable_tolerance()->set_relative(kToleratedShare);
   open.mutable_tolerance()->set_force_n(kToleratedN);
-  open.set_credit(Pacing::kMost);
+  open.set_credit(Pacing::kMax);
   open.set_period_s(0.002);
   return open;
 }
@@ -252,12 +252,12 @@ StimulusScenes::Made StimulusScenes::make_one(double stiffness_n_m, double guess
   std::optional<Touched> before;
   Made made{stiffness_n_m, guess_pa, background_pa_ > 0 ? background_pa_ : guess_pa, ""};
   const bool lump = options_.place.width_m > 0 && background_pa_ > 0;
-  for (unsigned k = 0; k < kMostTouches; ++k) {
+  for (unsigned k = 0; k < kMaxTouches; ++k) {
     made.scene_id = fmt::format("{}-{}", name_, ++created_);
     if (background_pa_ <= 0) made.background_pa = made.modulus_pa;
     create(made);
     const double felt_n_m = touch(made.scene_id);
-    if (stop_ || std::abs(felt_n_m / stiffness_n_m - 1) <= kOffMost) return made;
+    if (stop_ || std::abs(felt_n_m / stiffness_n_m - 1) <= kOffMax) return made;
     remove(made.scene_id);
     if (!(felt_n_m > 0)) break;
     const Touched now{std::log(made.modulus_pa), std::log(felt_n_m)};
@@ -266,8 +266,8 @@ StimulusScenes::Made StimulusScenes::make_one(double stiffness_n_m, double guess
         tells ? std::clamp((now.log_n_m - before->log_n_m) / (now.log_pa - before->log_pa), 0.05, 1.0) : 1.0;
     before = now;
     made.modulus_pa *= std::exp((std::log(stiffness_n_m) - now.log_n_m) / slope);
-    if (lump && !(made.modulus_pa < kMostContrast * background_pa_ &&
-                  made.modulus_pa > background_pa_ / kMostContrast))
+    if (lump && !(made.modulus_pa < kMaxContrast * background_pa_ &&
+                  made.modulus_pa > background_pa_ / kMaxContrast))
       break;
   }
   if (lump)

@@ -5,7 +5,7 @@
 // every depth: so the ratio of two stimuli is the ratio of two such tissues wherever they are pressed. A lump
 // in a background is softer or harder than its modulus says, and its modulus is looked for. Either way each
 // tissue is touched before anybody is asked, and kept only when its stiffness is the stimulus to
-// kOffMost.
+// kOffMax.
 #pragma once
 
 #include <atomic>
@@ -39,7 +39,7 @@ std::string condition_of(const std::string& renderer, const TissueOptions&);
 
 class StimulusScenes {
  public:
-  static constexpr double kOffMost = 0.005;  // of a stimulus, what its tissue is felt as
+  static constexpr double kOffMax = 0.005;  // of a stimulus, what its tissue is felt as
   static constexpr double kLostS = 10;       // a service that is gone for longer is lost
 
   // Reaches the service. `say`: one line for a person, and no stiffness. `stop` outlives this: it ends every

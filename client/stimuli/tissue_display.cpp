@@ -11,7 +11,7 @@ namespace teletact::client {
 namespace {
 
 constexpr double kServoS = 0.001;
-constexpr double kWithheldMost = 0.02;  // of the force, while it counts as whole
+constexpr double kWithheldMax = 0.02;  // of the force, while it counts as whole
 
 ServoOptions servo_options(const HapticDevice& device) {
   ServoOptions options;
@@ -147,7 +147,7 @@ void TissueDisplay::count(const ServoTick& tick) {
   after_fault_ = asked_ = false;
   const double ramp_s = ForceChainOptions().start_ramp_s;
   const bool whole = seconds(tick.time_ns - enabled_ns_) >= ramp_s && tick.sequence > 0 && !tick.faded &&
-                     !tick.degraded && !tick.clutched && tick.withheld <= kWithheldMost;
+                     !tick.degraded && !tick.clutched && tick.withheld <= kWithheldMax;
   const Vector3& tool_m = tick.pose.position_m;
   const Vector3 from_middle_m = tool_m - scenes_.middle_m();
   const double width_m = scenes_.options().place.width_m;

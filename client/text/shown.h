@@ -6,14 +6,14 @@
 
 namespace teletact::client {
 
-// One line, printable, of `most_bytes` at most: what else is in it would draw on the terminal or forge lines
+// One line, printable, of `max_bytes` at most: what else is in it would draw on the terminal or forge lines
 // of a log.
-inline std::string shown(std::string_view text, std::size_t most_bytes = 64) {
+inline std::string shown(std::string_view text, std::size_t max_bytes = 64) {
   constexpr unsigned char kDelete = 0x7f;
-  std::string out(text.substr(0, most_bytes));
+  std::string out(text.substr(0, max_bytes));
   for (char& c : out)
     if (static_cast<unsigned char>(c) < ' ' || static_cast<unsigned char>(c) == kDelete) c = '?';
-  return text.size() > most_bytes ? out + "..." : out;
+  return text.size() > max_bytes ? out + "..." : out;
 }
 
 }  // namespace teletact::client

@@ -88,7 +88,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
     beast::get_lowest_layer(stream_).socket().set_option(asio::ip::tcp::no_delay(true), gone);
     stream_.auto_fragment(false);
     stream_.set_option(websocket::stream_base::timeout{kPatience, kNoPingFor, true});
-    stream_.read_message_max(Gateway::kMostSaidBytes);
+    stream_.read_message_max(Gateway::kMaxSaidBytes);
     stream_.binary(true);
     stream_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
       if (error) return;
@@ -150,7 +150,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   const Listener::Place place_;  // given up when the socket is closed
   websocket::stream<Stream> stream_;
   Gateway::State& state_;
-  beast::flat_buffer said_{Gateway::kMostSaidBytes + 64};
+  beast::flat_buffer said_{Gateway::kMaxSaidBytes + 64};
   std::string frame_;
   View::Seen seen_;
   std::uint32_t number_ = 0;
@@ -173,7 +173,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
  public:
   Connection(Protocol::socket socket, Gateway::State& state, Listener::Place place)
       : place_(std::move(place)), stream_(std::move(socket)), state_(state) {
-    parser_.header_limit(Gateway::kMostHeadBytes);
+    parser_.header_limit(Gateway::kMaxHeadBytes);
   }
   void begin() {
     stream_.expires_after(kPatience);
@@ -211,7 +211,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     if (!websocket::is_upgrade(request)) return answer(http::status::bad_request, "a WebSocket\n");
     if (request[http::field::origin] != "http://" + host)
       return answer(http::status::forbidden, "Origin: another page's\n");
-    if (state_.count >= Gateway::kMostViewers)
+    if (state_.count >= Gateway::kMaxViewers)
       return answer(http::status::service_unavailable, "as many look as may\n");
     const auto viewer = std::make_shared<Viewer>(std::move(stream_), state_, place_);
     state_.viewers.push_back(viewer);
@@ -242,7 +242,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   const Listener::Place place_;
   Stream stream_;
   Gateway::State& state_;
-  beast::flat_buffer buffer_{Gateway::kMostHeadBytes};
+  beast::flat_buffer buffer_{Gateway::kMaxHeadBytes};
   http::request_parser<http::empty_body> parser_;
   http::response<http::string_body> response_;
 };
@@ -256,7 +256,7 @@ Gateway::Gateway(unsigned port, View& view, Orders orders)
     state->listener = std::make_unique<Listener>(Listener::Options{
         .endpoint =
             asio::ip::tcp::endpoint(asio::ip::make_address("127.0.0.1"), static_cast<std::uint16_t>(port)),
-        .most = kMostConnections,
+        .max = kMaxConnections,
         .take =
             [state](Protocol::socket socket, Listener::Place place) {
               std::make_shared<Connection>(std::move(socket), *state, std::move(place))->begin();

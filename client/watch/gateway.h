@@ -19,11 +19,11 @@ namespace teletact::client {
 
 class Gateway {
  public:
-  static constexpr std::size_t kMostViewers = 16, kMostConnections = 64;
-  static constexpr std::size_t kMostHeadBytes = 8192, kMostSaidBytes = 512;  // of a message of a viewer
+  static constexpr std::size_t kMaxViewers = 16, kMaxConnections = 64;
+  static constexpr std::size_t kMaxHeadBytes = 8192, kMaxSaidBytes = 512;  // of a message of a viewer
   static constexpr double kPatienceS = 5;  // for a request, and for an answer to be taken
 
-  // What a viewer asks for beside looking: JSON, at most kMostSaidBytes. On the gateway's thread.
+  // What a viewer asks for beside looking: JSON, at most kMaxSaidBytes. On the gateway's thread.
   using Orders = std::function<void(const nlohmann::json&)>;
 
   // `port` of 127.0.0.1, 0 for any. Throws std::runtime_error, one line that names --port. Borrows the view.

@@ -58,7 +58,7 @@ Player::~Player() {
 }
 
 void Player::index() {
-  constexpr std::size_t kMostSpells = 2000;
+  constexpr std::size_t kMaxSpells = 2000;
   nlohmann::json spells = nlohmann::json::array();
   std::uint32_t last = ~0U;
   Entries entries(paths_);
@@ -73,7 +73,7 @@ void Player::index() {
     end_ns_ = std::max(end_ns_, entry->monotonic_ns());
     const v1::ServoSample& tick = entry->servo();
     const std::uint32_t now = (tick.state() & 3U) | (tick.degraded() ? 4U : 0) | (tick.faded() ? 8U : 0);
-    if (now == last || spells.size() >= kMostSpells) continue;
+    if (now == last || spells.size() >= kMaxSpells) continue;
     last = now;
     spells.push_back({{"at_s", seconds_between(begin_ns_, entry->monotonic_ns())},
                       {"state", name(static_cast<ServoState>(tick.state() & 3U))},

@@ -40,7 +40,7 @@ std::optional<SceneMaps::Grid> SceneMaps::grid_of(const v1::Map& map) {
     if (!std::isfinite(place_m)) return std::nullopt;
   for (const double spacing_m : grid.spacing_m)
     if (!(spacing_m > 0) || !std::isfinite(spacing_m)) return std::nullopt;
-  if (grid.nx == 0 || grid.ny == 0 || grid.nx > kMostCells || grid.ny > kMostCells / grid.nx)
+  if (grid.nx == 0 || grid.ny == 0 || grid.nx > kMaxCells || grid.ny > kMaxCells / grid.nx)
     return std::nullopt;
   return grid;
 }
@@ -99,7 +99,7 @@ bool SceneMaps::take(const v1::ObservedMap& part) {
 bool SceneMaps::take_cells(const Grid& part, const v1::Map& map) {
   const auto begin = column_of(part.origin_m[0], part.spacing_m[0]);
   const double columns = std::round(width_m_ / part.spacing_m[0]);
-  if (!begin || !(columns >= 1 && columns * static_cast<double>(part.ny) <= double{kMostCells})) return false;
+  if (!begin || !(columns >= 1 && columns * static_cast<double>(part.ny) <= double{kMaxCells})) return false;
   const auto nx = static_cast<std::size_t>(columns);
   if (*begin + part.nx > nx) return false;
   const bool flags = map.name() == "valid";
@@ -127,7 +127,7 @@ bool SceneMaps::take_cells(const Grid& part, const v1::Map& map) {
 bool SceneMaps::take_image(const Grid& part, const v1::ObservedMap& image) {
   const std::string& grey = image.map().values().data();
   if (image.map().values().dtype() != v1::DATA_TYPE_UINT8 || grey.size() != part.nx * part.ny) return false;
-  if (grey.size() > kMostNodes) return false;
+  if (grey.size() > kMaxNodes) return false;
   images_[image.window_id()] = {part, image.version(), ++drawn_, {grey.begin(), grey.end()}};
   make_room();
   return images_changed_ = true;
@@ -136,7 +136,7 @@ bool SceneMaps::take_image(const Grid& part, const v1::ObservedMap& image) {
 void SceneMaps::make_room() {
   std::size_t bytes = 0;
   for (const auto& [window, image] : images_) bytes += image.grey.size();
-  while (images_.size() > kMostImages || bytes > kMostImageBytes) {
+  while (images_.size() > kMaxImages || bytes > kMaxImageBytes) {
     const auto oldest =
         std::ranges::min_element(images_, {}, [](const auto& one) { return one.second.drawn; });
     bytes -= oldest->second.grey.size();

@@ -15,9 +15,9 @@ namespace teletact::client {
 
 class SceneMaps {
  public:
-  static constexpr std::size_t kMostCells = 4 << 20;
-  static constexpr std::size_t kMostImages = 256, kMostNodes = 1 << 20,
-                               kMostImageBytes = 64 << 20;  // of images
+  static constexpr std::size_t kMaxCells = 4 << 20;
+  static constexpr std::size_t kMaxImages = 256, kMaxNodes = 1 << 20,
+                               kMaxImageBytes = 64 << 20;  // of images
 
   void clear();
   // Of this scene from now on, and with its own maps where it has them; images of windows that it has no more

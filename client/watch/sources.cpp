@@ -17,7 +17,7 @@
 namespace teletact::client {
 namespace {
 
-constexpr std::uint32_t kMostEntryBytes = 16 << 20;
+constexpr std::uint32_t kMaxEntryBytes = 16 << 20;
 
 void nap(double wait_s, const std::atomic<bool>& stop) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(wait_s);
@@ -31,7 +31,7 @@ bool next_entry(std::string& bytes, std::size_t& at, v1::RecordEntry& entry) {
                                                static_cast<int>(bytes.size() - at));
   std::uint32_t size = 0;
   if (!coded.ReadVarint32(&size)) return false;
-  if (size > kMostEntryBytes) throw std::runtime_error("an entry of " + std::to_string(size) + " bytes");
+  if (size > kMaxEntryBytes) throw std::runtime_error("an entry of " + std::to_string(size) + " bytes");
   const auto begin = static_cast<std::size_t>(coded.CurrentPosition());
   if (bytes.size() - at - begin < size) return false;
   if (!entry.ParseFromArray(bytes.data() + at + begin, static_cast<int>(size)))
@@ -120,7 +120,7 @@ SceneSource::Wanted SceneSource::wanted() const {
 }
 
 void SceneSource::run() {
-  Backoff backoff(kRetryS, kMostRetryS);
+  Backoff backoff(kRetryS, kMaxRetryS);
   Wanted before;
   for (double wait_s = kRetryS; !stop_; nap(wait_s, stop_)) {
     wait_s = kRetryS;

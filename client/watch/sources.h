@@ -37,7 +37,7 @@ class PublishedSource {
 // Looks on at the scene (Palpation.Observe): its windows, maps, and how the touched layer gives way.
 class SceneSource {
  public:
-  static constexpr double kRetryS = 0.2, kMostRetryS = 5;  // after a stream has ended, and after refusals
+  static constexpr double kRetryS = 0.2, kMaxRetryS = 5;  // after a stream has ended, and after refusals
 
   // `address`, `scene_id`: empty: as the session says.
   SceneSource(std::string address, Credentials credentials, std::string scene_id, View& view);

@@ -17,7 +17,7 @@ namespace teletact::service {
 
 namespace {
 
-constexpr std::size_t kMostName = 64, kMostCertificateName = 256, kMostDescription = 500;
+constexpr std::size_t kMaxName = 64, kMaxCertificateName = 256, kMaxDescription = 500;
 constexpr std::string_view kNames = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
 
 [[noreturn]] void wrong(const std::string& entry, std::string_view key, const std::string& why) {
@@ -40,7 +40,7 @@ Digest digest_in(const std::string& entry, std::string_view key, const toml::nod
 
 std::string certificate_in(const std::string& entry, std::string_view key, const toml::node& node) {
   std::string name = text_in(entry, key, node);
-  if (name.empty() || name.size() > kMostCertificateName)
+  if (name.empty() || name.size() > kMaxCertificateName)
     wrong(entry, key, "give the certificate's common name, or one of its alternative names");
   return name;
 }
@@ -58,7 +58,7 @@ WallClock::time_point expiry_in(const std::string& entry, std::string_view key, 
 
 bool names_scenes(const std::string& text) {
   return text == kEveryScene ||
-         (!text.empty() && text.size() <= kMostName && text.find_first_not_of(kNames) == std::string::npos);
+         (!text.empty() && text.size() <= kMaxName && text.find_first_not_of(kNames) == std::string::npos);
 }
 
 std::map<std::string, Role> roles_in(const std::string& entry, std::string_view key, const toml::node& node) {
@@ -80,7 +80,7 @@ std::string name_in(const std::string& entry, const toml::table& table) {
   const toml::node* const node = table.get("name");
   if (!node) wrong(entry, "name", "is missing; give one, for messages and the log");
   std::string name = text_in(entry, "name", *node);
-  const bool fits = !name.empty() && name.size() <= kMostName &&
+  const bool fits = !name.empty() && name.size() <= kMaxName &&
                     std::all_of(name.begin(), name.end(),
                                 [](char c) { return c > ' ' && c <= '~' && c != '"' && c != '\''; });
   if (!fits) wrong(entry, "name", "must be 1 to 64 printable characters, no spaces, no quotes");
@@ -126,12 +126,12 @@ AccessTable table_in(const toml::table& file) {
 AccessTable read_access(const std::filesystem::path& path) {
   const std::string where = "--access " + path.string() + ": ";
   try {
-    return table_in(toml::parse(read_small_file(path, kMostAccessBytes)));
+    return table_in(toml::parse(read_small_file(path, kMaxAccessBytes)));
   } catch (const UnreadFile& error) {
     throw std::runtime_error(where + "cannot be read (" + error.what() +
                              "); give a file that this user may read");
   } catch (const toml::parse_error& error) {
-    throw std::runtime_error(where + shown(error.description(), kMostDescription) + ", line " +
+    throw std::runtime_error(where + shown(error.description(), kMaxDescription) + ", line " +
                              std::to_string(error.source().begin.line));
   } catch (const std::invalid_argument& error) {
     throw std::runtime_error(where + error.what());

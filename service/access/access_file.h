@@ -9,7 +9,7 @@
 
 namespace teletact::service {
 
-inline constexpr std::size_t kMostAccessBytes = std::size_t{4} << 20;  // some 10,000 entries
+inline constexpr std::size_t kMaxAccessBytes = std::size_t{4} << 20;  // some 10,000 entries
 
 // Throws std::runtime_error, one line: file, entry, key and remedy.
 AccessTable read_access(const std::filesystem::path& file);

@@ -66,7 +66,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
         answers_(answers),
         patience_(std::chrono::duration_cast<std::chrono::milliseconds>(
             std::chrono::duration<double>(patience_s))) {
-    parser_.header_limit(HttpListener::kMostHeadBytes);
+    parser_.header_limit(HttpListener::kMaxHeadBytes);
   }
 
   void begin() {
@@ -91,7 +91,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
   const Listener::Place place_;  // given up when the socket is closed
   Stream stream_;
-  beast::flat_buffer buffer_{HttpListener::kMostHeadBytes};
+  beast::flat_buffer buffer_{HttpListener::kMaxHeadBytes};
   http::request_parser<http::empty_body> parser_;
   http::response<http::string_body> response_;
   const HttpListener::Answers& answers_;
@@ -116,7 +116,7 @@ HttpListener::HttpListener(const char* flag, const std::string& address, Answers
   try {
     state_->listener = std::make_unique<Listener>(
         Listener::Options{.endpoint = endpoint_of(local),
-                          .most = kMostConnections,
+                          .max = kMaxConnections,
                           .take =
                               [state = state_.get()](Protocol::socket socket, Listener::Place place) {
                                 std::make_shared<Connection>(std::move(socket), state->answers,

@@ -13,7 +13,7 @@ namespace teletact::service {
 
 class HttpListener {
  public:
-  static constexpr std::size_t kMostConnections = 8, kMostHeadBytes = 8192;
+  static constexpr std::size_t kMaxConnections = 8, kMaxHeadBytes = 8192;
   static constexpr double kPatienceS = 5;  // for the whole request, and for the answer to be taken
 
   struct Answer {

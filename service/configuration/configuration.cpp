@@ -18,9 +18,9 @@ namespace {
 constexpr std::size_t kLongest = 500;  // of what is said of the file's text
 
 toml::table parsed(const std::filesystem::path& path) {
-  constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
   try {
-    return toml::parse(read_small_stream(path, kMostBytes));
+    return toml::parse(read_small_stream(path, kMaxBytes));
   } catch (const UnreadFile& error) {
     throw std::runtime_error("--config " + path.string() + ": cannot be read (" + error.what() +
                              "); give a file that this user may read");

@@ -19,10 +19,10 @@ constexpr std::size_t kTried = 2;  // in each cell
 
 // From begin to just before end, on one lattice of the scene.
 std::vector<double> lattice(double begin_m, double end_m) {
-  constexpr double kPitchM = choices::kLawPitch, kLeastM = choices::kLawLeastCell;
+  constexpr double kPitchM = choices::kLawPitch, kMinM = choices::kLawLeastCell;
   std::vector<double> places{begin_m};
-  for (double k = std::floor(begin_m / kPitchM) + 1; k * kPitchM < end_m - kLeastM; ++k)
-    if (k * kPitchM - places.back() > kLeastM) places.push_back(k * kPitchM);
+  for (double k = std::floor(begin_m / kPitchM) + 1; k * kPitchM < end_m - kMinM; ++k)
+    if (k * kPitchM - places.back() > kMinM) places.push_back(k * kPitchM);
   places.push_back(std::nextafter(end_m, begin_m));
   return places;
 }
@@ -69,7 +69,7 @@ AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer& layer
     return (end_m - begin_m) / choices::kLawPitch + 2;
   };
   if (columns_of(region.begin_x_m, region.end_x_m) * columns_of(region.begin_z_m, region.end_z_m) >
-      double(choices::kMostLawColumns))
+      double(choices::kMaxLawColumns))
     return;
   x_m_ = lattice(region.begin_x_m, region.end_x_m);
   z_m_ = lattice(region.begin_z_m, region.end_z_m);
@@ -199,7 +199,7 @@ void AreaSampler::sample(Place& place) {
 // Poses amid the cell. What cannot be tried is not claimed.
 void AreaSampler::try_cell(const Corners& corners) {
   std::array<LawColumn, 4> cell;
-  std::size_t rows = LawColumn::kMostRows;
+  std::size_t rows = LawColumn::kMaxRows;
   for (std::size_t i = 0; i < 4; ++i) {
     cell[i] = places_[corners[i]].sampled;
     rows = std::min<std::size_t>(rows, cell[i].rows);

@@ -97,7 +97,7 @@ double force_error(const Touch& touch, const SolveReport& solve) {
   constexpr double kUnfinished = 2;
   constexpr double kForceRounding = 1.5 * std::numeric_limits<double>::epsilon();
   const double coverage = 0.6 + 3.6 / double(touch.samples), share = 0.1 / double(touch.samples);
-  const double estimate = coverage * std::hypot(touch.sampled_error, share * touch.most_rounding) +
+  const double estimate = coverage * std::hypot(touch.sampled_error, share * touch.max_rounding) +
                           kUnfinished * touch.unfinished_error + kForceRounding;
   return solve.converged ? estimate : std::max(estimate, bound);
 }

@@ -55,7 +55,7 @@ std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const L
       return (*found)->law;
     }
     if (!has_law(layer, *touched, region)) return nullptr;
-    if (entries_.size() == kMost)
+    if (entries_.size() == kMax)
       entries_.erase(
           std::min_element(entries_.begin(), entries_.end(),
                            [](const auto& one, const auto& other) { return one->asked < other->asked; }));

@@ -42,7 +42,7 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
  public:
   // Tips, layers and tolerances of one model: another takes the place of the one that was asked for least
   // recently.
-  static constexpr std::size_t kMost = 8;
+  static constexpr std::size_t kMax = 8;
 
   explicit ContactLaws(MemoryAccount account);
   ~ContactLaws();

@@ -15,7 +15,7 @@ namespace {
 // A correction is used from its end until the next one's.
 constexpr double kAimed = 2;
 // Farther ahead nobody knows where a finger will be; nearer to each other two poses are one finger's.
-constexpr double kMostAheadM = 0.008, kSameFingerM = 0.010;
+constexpr double kMaxAheadM = 0.008, kSameFingerM = 0.010;
 constexpr double kNewest = 0.3;  // share of the last correction in how long they last
 
 double distance_m(const Vector3& a, const Vector3& b) {
@@ -27,7 +27,7 @@ double distance_m(const Vector3& a, const Vector3& b) {
 TouchPose moved_on(const TouchPose& pose, double seconds) {
   const auto [vx, vy, vz] = pose.velocity_m_s;
   const double speed = std::hypot(vx, vz), turn = pose.turn_rad_s;
-  if (speed * seconds > kMostAheadM) seconds = kMostAheadM / speed;
+  if (speed * seconds > kMaxAheadM) seconds = kMaxAheadM / speed;
   const bool turns = std::abs(turn * seconds) > 1e-6;
   const double ahead = turns ? std::sin(turn * seconds) / turn : seconds,
                aside = turns ? (1 - std::cos(turn * seconds)) / turn : 0;
@@ -59,7 +59,7 @@ void Corrector::ask(const Fingertip& tip, const TouchPose& pose) {
       return;
     }
     wishes_.push_back({tip, pose});
-    if (wishes_.size() > kMostFingers) wishes_.pop_front();
+    if (wishes_.size() > kMaxFingers) wishes_.pop_front();
     if (!thread_.joinable()) thread_ = std::thread([this] { run(); });
   }
   changed_.notify_all();

@@ -22,7 +22,7 @@ TouchPose moved_on(const TouchPose&, double seconds);
 class Corrector {
  public:
   using Clock = std::chrono::steady_clock;
-  static constexpr std::size_t kMostFingers = 8;
+  static constexpr std::size_t kMaxFingers = 8;
   // Corrects at a pose. What it throws is kept, and said once in the log.
   using Correct = std::function<void(const Fingertip&, const TouchPose&)>;
   explicit Corrector(Correct correct) : correct_(std::move(correct)) {}

@@ -152,7 +152,7 @@ std::string coarse_mesh(const Fingertip& tip, double indentation_m, double spaci
   // A pad's rim bears little: the whole of it must span enough.
   const bool pad = tip.shape == FingertipShape::kPad;
   const double spans = pad ? reach : reach - flat_half_m(tip);
-  if (spans >= (pad ? choices::kLeastPadSpacings : choices::kLeastSpacings) * spacing_m) return "";
+  if (spans >= (pad ? choices::kMinPadSpacings : choices::kMinSpacings) * spacing_m) return "";
   return fmt::format(
       "the mesh is too coarse for this tip: nodes {:.2g} mm apart where {} spans {:.2g} mm a side; the force "
       "depends on where it stands between them, use a finer grid or a wider tip",

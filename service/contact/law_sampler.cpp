@@ -44,7 +44,7 @@ LawSampler::LawSampler(std::shared_ptr<TouchedLayer> touched, const Layer& layer
   for (const double depth_m : stuck ? choices::kStuckLawDepths : choices::kLawDepths)
     first_rows_.log_depth[first_rows_.rows++] = float(std::log(depth_m));
   const double pitch_m = choices::kLawPitch;
-  if (end_m - begin_m > pitch_m * double(choices::kMostLawColumns)) return;
+  if (end_m - begin_m > pitch_m * double(choices::kMaxLawColumns)) return;
   const auto add = [this](double x_m) { places_.emplace_back().column.x_m = x_m; };
   add(begin_m);
   for (double k = std::floor(begin_m / pitch_m) + 1; k * pitch_m < end_m; ++k)
@@ -115,7 +115,7 @@ void LawSampler::sample(Place& place, const LawColumn& like) {
 void LawSampler::refine_rows(Place& place) {
   place.refined = true;
   LawColumn& column = place.column;
-  for (std::size_t i = 0; i + 1 < column.rows && column.rows < LawColumn::kMostRows;) {
+  for (std::size_t i = 0; i + 1 < column.rows && column.rows < LawColumn::kMaxRows;) {
     std::array<LawColumn, 2> alone{column, column};
     alone[1].x_m += choices::kLawPitch;
     const double d = tried_depth_m(column, i, kTriedAt);
@@ -217,7 +217,7 @@ void LawSampler::settle(std::size_t cell) {
     }
   }
   Place &left = places_[cell], &right = places_[cell + 1];
-  if (off_here > kept(left) && left.halved < kept_.size() && places_.size() < choices::kMostLawColumns) {
+  if (off_here > kept(left) && left.halved < kept_.size() && places_.size() < choices::kMaxLawColumns) {
     ++left.halved;
     Place middle;
     middle.halved = left.halved;
@@ -234,12 +234,12 @@ void LawSampler::settle(std::size_t cell) {
 
 bool LawSampler::advance(Clock::time_point until) {
   do {
-    double least_m = HUGE_VAL;
+    double min_m = HUGE_VAL;
     std::size_t next = places_.size();
     for (std::size_t i = 0; i + 1 < places_.size(); ++i) {
       const double off_m =
           std::max({0.0, places_[i].column.x_m - near_m_, near_m_ - places_[i + 1].column.x_m});
-      if (!places_[i].settled && off_m < least_m) least_m = off_m, next = i;
+      if (!places_[i].settled && off_m < min_m) min_m = off_m, next = i;
     }
     if (next == places_.size()) return true;
     settle(next);

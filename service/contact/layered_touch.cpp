@@ -19,18 +19,18 @@ using Eigen::VectorXd;
 
 // Radii of contacts in the table, each so much wider than the one before, up to this share of a sphere's;
 // of a paraboloid so many times its radius of curvature.
-constexpr double kLeastRadius = 1e-4, kWider = 1.15, kWidest = 0.97;
-constexpr double kMostRadius = 0.03, kOfParaboloid = 3;
+constexpr double kMinRadius = 1e-4, kWider = 1.15, kWidest = 0.97;
+constexpr double kMaxRadius = 0.03, kOfParaboloid = 3;
 // A contact is at most so many times as wide as the topmost layer is thick: points of its equation are added
 // with that.
-constexpr double kMostOfTopLayer = 16;
+constexpr double kMaxOfTopLayer = 16;
 constexpr Index kPoints = 32, kPointsOfTopLayer = 8;
 // F grows with so high a power of d at least, and at most: rows beyond are not solved well.
-constexpr double kLeastPower = 1, kMostPower = 4;
+constexpr double kMinPower = 1, kMaxPower = 4;
 // Deeper than is known what was added to ln U fades to a constant within this share of what is known.
 constexpr double kFades = 0.25;
 // Waves shorter than this times the topmost layer's thickness do not feel what lies below it.
-constexpr double kMostWave = 18;
+constexpr double kMaxWave = 18;
 constexpr Index kPanel = 12;  // points of a panel of wave numbers
 
 struct Quadrature {
@@ -64,7 +64,7 @@ struct Waves {
 };
 Waves waves_of(const LayerStack& stack, double widest_m) {
   const double depth_m = std::accumulate(stack.thickness_m.begin(), stack.thickness_m.end(), 0.0);
-  const double last = kMostWave / stack.thickness_m.front(), longest = 2 * std::numbers::pi / widest_m;
+  const double last = kMaxWave / stack.thickness_m.front(), longest = 2 * std::numbers::pi / widest_m;
   const Quadrature panel = gauss_legendre(kPanel);
   std::vector<double> at, share;
   double begin = 0, length = 1 / depth_m;
@@ -147,13 +147,13 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
   const LayerStack stack = merged(given);
   const double nu = stack.poisson_ratio, plane_pa = stack.youngs_modulus_pa.front() / (1 - nu * nu);
   const bool sphere = tip.shape == FingertipShape::kSphere;
-  const double widest = std::min({kMostRadius, (sphere ? kWidest : kOfParaboloid) * tip.radius_m,
-                                  kMostOfTopLayer * stack.thickness_m.front()});
+  const double widest = std::min({kMaxRadius, (sphere ? kWidest : kOfParaboloid) * tip.radius_m,
+                                  kMaxOfTopLayer * stack.thickness_m.front()});
   const Waves waves = waves_of(stack, widest);
   const auto rise = [&](double t) {
     return sphere ? t * std::atanh(t / tip.radius_m) : t * t / tip.radius_m;
   };
-  const double least = std::min(kLeastRadius, widest / 4);
+  const double least = std::min(kMinRadius, widest / 4);
   const auto rows = static_cast<int>(std::log(widest / least) / std::log(kWider));
   for (int n = 0; n <= rows; ++n) {
     const double a = least * std::pow(kWider, n);
@@ -172,8 +172,8 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
     const Eigen::RowVector2d at_edge = Eigen::RowVector2d(1, rise(a)) - edge.transpose() * f;
     const double d = at_edge[1] / at_edge[0], force = 2 * plane_pa * (d * sum[0] - sum[1]);
     const Row row{d, std::log(d), std::log(force), 2 * plane_pa * sum[0] * d / force, std::log(a), 0, 0};
-    const bool solved = d > 0 && force > 0 && row.power > kLeastPower && row.power < kMostPower &&
-                        (rows_.empty() || (d > most_m() && row.log_force > rows_.back().log_force));
+    const bool solved = d > 0 && force > 0 && row.power > kMinPower && row.power < kMaxPower &&
+                        (rows_.empty() || (d > max_m() && row.log_force > rows_.back().log_force));
     if (!solved) break;
     rows_.push_back(row);
   }
@@ -196,9 +196,9 @@ LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
 
 LayeredTouch::At LayeredTouch::at(double d) const {
   if (!(d > 0)) return {};
-  if (rows_.empty() || d > most_m())
-    throw std::out_of_range(fmt::format("layered touch: {} m deep, up to {} m are known", d, most_m()));
-  if (rows_.size() == 1 && d == most_m())
+  if (rows_.empty() || d > max_m())
+    throw std::out_of_range(fmt::format("layered touch: {} m deep, up to {} m are known", d, max_m()));
+  if (rows_.size() == 1 && d == max_m())
     return {rows_[0].force_n(), rows_[0].power * rows_[0].force_n() / d, rows_[0].energy_j,
             std::exp(rows_[0].log_radius)};
   const auto above = std::ranges::upper_bound(rows_, d, {}, &Row::indentation_m);

@@ -24,8 +24,8 @@ class LayeredTouch {
   static bool knows(const Fingertip&);
   LayeredTouch(const LayerStack&, const Fingertip&);
   // Indentation that it knows; 0 where no contact could be solved.
-  double most_m() const { return rows_.empty() ? 0 : rows_.back().indentation_m; }
-  // Nothing where the indentation is not above 0; std::out_of_range beyond most_m().
+  double max_m() const { return rows_.empty() ? 0 : rows_.back().indentation_m; }
+  // Nothing where the indentation is not above 0; std::out_of_range beyond max_m().
   At at(double indentation_m) const;
 
  private:

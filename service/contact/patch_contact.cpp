@@ -87,7 +87,7 @@ void set_measured_error(const Compliance& compliance, const Patch& patch, const 
   for (const Vector2d& sample : error->rounding) squares += sample.squaredNorm();
   touch.samples = error->rounding.size();
   touch.sampled_error = std::sqrt(squares / double(error->rounding.size())) / gradient;
-  touch.most_rounding = touch.amplification * error->largest_rounding;
+  touch.max_rounding = touch.amplification * error->largest_rounding;
   touch.unfinished_error = error->unfinished.norm() / gradient;
 }
 

@@ -11,8 +11,8 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kSettled = 1e-9;  // last step over p: the error after it is about the square of that
-constexpr std::size_t kMostIterations = 200;
-constexpr double kLeastShare = 0.1;          // of p that a step leaves
+constexpr std::size_t kMaxIterations = 200;
+constexpr double kMinShare = 0.1;          // of p that a step leaves
 constexpr std::size_t kBoldIterations = 40;  // that let a node go at once when it is outside of its skin
 
 // Lets nodes in that would be inside their skin without bearing anything, and those go that bear nothing.
@@ -24,9 +24,9 @@ void update_active(const PatchProgramme& q, const VectorXd& displacement, PatchS
     const Index u = first + Index(i);
     if (s.p[u] == 0) {
       const double t = q.thickness_m[i], y = (q.w[u] + t * (1 - kSkinMiddle) - displacement[u]) / t;
-      constexpr double kLeast = 1e-6, kMost = 0.5;  // of the skin's thickness
-      if (y < kLeast) continue;
-      const double rest = std::min(y, kMost);
+      constexpr double kMin = 1e-6, kMax = 0.5;  // of the skin's thickness
+      if (y < kMin) continue;
+      const double rest = std::min(y, kMax);
       s.p[u] = q.stiffness[i] * t * rest * rest / (1 - rest);
     }
     s.active.push_back(u);
@@ -51,7 +51,7 @@ PatchSolution solve_patch(const PatchProgramme& q, VectorXd guess) {
   const Index first = q.first_node();
   VectorXd displacement = q.a * s.p, step;
   Eigen::MatrixXd matrix;
-  while (++s.iterations < kMostIterations) {
+  while (++s.iterations < kMaxIterations) {
     update_active(q, displacement, s);
     displacement.noalias() = q.a * s.p;
     matrix = q.a(s.active, s.active);
@@ -72,7 +72,7 @@ PatchSolution solve_patch(const PatchProgramme& q, VectorXd guess) {
     for (Index k = 0; k < n; ++k) {
       const Index u = s.active[std::size_t(k)];
       change = std::max(change, std::abs(step[k]));
-      const double least = u < first ? -HUGE_VAL : kLeastShare * s.p[u];
+      const double least = u < first ? -HUGE_VAL : kMinShare * s.p[u];
       s.p[u] += step[k];
       if (s.p[u] >= least) continue;
       const double within = q.w[u] + q.thickness_m[std::size_t(u - first)] * (1 - kSkinMiddle);

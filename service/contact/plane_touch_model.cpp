@@ -57,7 +57,7 @@ class PlaneLayer final : public TouchedLayer {
   }
 
   std::optional<DeformedLayer> deformed(const Fingertip& tip, const TouchPose& pose, double around_m,
-                                        std::size_t most_nodes) const override {
+                                        std::size_t max_nodes) const override {
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
     const ContactAnswer answer = solve_contact(tissue_->problem(), row_, *compliance_, tip, in_plane(pose));
     std::vector<std::size_t> loaded;
@@ -72,7 +72,7 @@ class PlaneLayer final : public TouchedLayer {
     std::vector<std::size_t> shown;
     for (std::size_t i = touchable.first; i <= touchable.last; ++i)
       if (std::abs(columns_m[i] - pose.position_m[0]) <= around_m) shown.push_back(i);
-    shown = every(shown, most_nodes);
+    shown = every(shown, max_nodes);
     DeformedLayer out{{}, {pose.position_m[2]}, {}};
     for (const std::size_t i : shown) out.x_m.push_back(columns_m[i]);
     const Eigen::VectorXd moved = compliance_->axial_under(shown, loaded, force_n_m);

@@ -35,7 +35,7 @@ std::shared_ptr<TouchedLayer> PlannedLayer::apart() {
 
 auto PlannedLayer::shares(const Fingertip& tip, const Vector3& at) -> Shares {
   if (!shares_.second || shares_.first != tip) shares_ = {tip, solid_->shares(tip)};
-  return shares_.second && at[1] <= shares_.second->most_m() ? shares_.second : nullptr;
+  return shares_.second && at[1] <= shares_.second->max_m() ? shares_.second : nullptr;
 }
 
 // What was asked for is judged with finite strain.

@@ -36,8 +36,8 @@ class PlannedLayer final : public TouchedLayer {
   std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                              double force_n) const override;
   std::optional<DeformedLayer> deformed(const Fingertip& tip, const TouchPose& pose, double around_m,
-                                        std::size_t most_nodes) const override {
-    return nodes_->deformed(tip, pose, around_m, most_nodes);
+                                        std::size_t max_nodes) const override {
+    return nodes_->deformed(tip, pose, around_m, max_nodes);
   }
   std::string remark(const Fingertip&, const TouchPose&) const override;
   std::shared_ptr<TouchedLayer> apart() override;

@@ -38,8 +38,8 @@ SharesTouch::SharesTouch(const SolidTissue& tissue, const Fingertip& tip,
       layers_(std::move(layers)),
       felt_(std::move(felt)),
       softer_(softer) {
-  if (layers_->most_m() < kShallowest) return;
-  most_m_ = std::min({layers_->most_m(), kDeepest, std::nextafter(grid_.y_m.back(), 0)});
+  if (layers_->max_m() < kShallowest) return;
+  max_m_ = std::min({layers_->max_m(), kDeepest, std::nextafter(grid_.y_m.back(), 0)});
   for (std::size_t node = 0; node < grid_.columns(); ++node)
     near_pa_.push_back(static_cast<float>(modulus_near_pa(tissue, 0, node)));
 }
@@ -52,8 +52,8 @@ double SharesTouch::half_width(const Vector3& pose) const {
   return half_width_of(felt(pose).log_variance);
 }
 
-double SharesTouch::most_half_width(double indentation_m) const {
-  return half_width_of(felt_->most_log_variance(layers_->at(indentation_m).radius_m));
+double SharesTouch::max_half_width(double indentation_m) const {
+  return half_width_of(felt_->max_log_variance(layers_->at(indentation_m).radius_m));
 }
 
 // What finite strain takes of what is allowed is not there for the shares; where that takes all, no model is

@@ -25,9 +25,9 @@ class SharesTouch {
   // layers: of the tissue's E0 times `softer`, as `felt`, and of the same tip.
   SharesTouch(const SolidTissue&, const Fingertip&, std::shared_ptr<const LayeredTouch> layers,
               std::shared_ptr<const FeltForce> felt, double softer);
-  double most_m() const { return most_m_; }  // indentation that it knows; 0: none, ask for nothing else
+  double max_m() const { return max_m_; }  // indentation that it knows; 0: none, ask for nothing else
   double half_width(const Vector3& pose) const;
-  double most_half_width(double indentation_m) const;  // of any place so deep
+  double max_half_width(double indentation_m) const;  // of any place so deep
   // That over what is allowed.
   double over(const Vector3& pose, const Tolerance&, FiniteStrain) const;
   // Force, tangent, energy and strain, with its budget; no pressure. Throws as LayeredTouch::at().
@@ -42,7 +42,7 @@ class SharesTouch {
   const std::shared_ptr<const FeltForce> felt_;
   const double softer_;
   std::vector<float> near_pa_;  // modulus around each node of the surface
-  double most_m_ = 0;
+  double max_m_ = 0;
 };
 
 }  // namespace teletact::service

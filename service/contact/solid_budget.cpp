@@ -10,7 +10,7 @@ namespace teletact::service {
 namespace {
 
 // Over the spread of ln(E / E0) in what is felt, and over its size right under the tip.
-constexpr double kOfMeshBeyondLayers = 0.045, kOfMeshUnderTip = 0.02, kOfMeshLeast = 0.0015;
+constexpr double kOfMeshBeyondLayers = 0.045, kOfMeshUnderTip = 0.02, kOfMeshMin = 0.0015;
 
 // Of ln(E / E0), over the elements around a node of the surface.
 double spread_under(const SolidTissue& tissue, double layer_pa, std::size_t node) {
@@ -38,7 +38,7 @@ void add_solid_budget(const SolidGrid& grid, std::size_t row, const Fingertip& t
   const double spacing_m = std::max({grid.spacing_x_m, grid.spacing_z_m, grid.y_m[row + 1] - grid.y_m[row]});
   const double mesh = of_mesh * spacing_m * spacing_m / (tip.radius_m * indentation_m);
   answer.budget.add({ErrorTerm::kSolver, TermKind::kBound, answer.solve.relative_error});
-  answer.budget.add({ErrorTerm::kMesh, TermKind::kEstimate, mesh + kOfMeshLeast});
+  answer.budget.add({ErrorTerm::kMesh, TermKind::kEstimate, mesh + kOfMeshMin});
   answer.budget.add(finite_strain(tip, indentation_m));
 }
 

@@ -25,7 +25,7 @@ constexpr double kInnerMargin = 0.8;
 // Of the force error that is asked, what a correction is solved to, in energy.
 constexpr double kCorrectionShare = 0.3;
 // How much less well the block is solved for the tangent, and how well at least.
-constexpr double kTangentShare = 30, kLeastForTangent = 0.05;
+constexpr double kTangentShare = 30, kMinForTangent = 0.05;
 // Forces this smooth are felt through the tissue below, finer ones by what lies at the surface.
 constexpr double kFeltM = 0.001;
 // What rounding leaves of a force (solid_contact_test).
@@ -57,7 +57,7 @@ std::optional<SolidTouch> find_contact(const SolidGrid& grid, const RecycledComp
     const PatchSolution s =
         solve_patch(patch.programme, first_guess(patch.programme, pose[1], kHalfSpaceEdge));
     iterations += s.iterations;
-    const double least = least_overlap_m(patch, s);
+    const double least = min_overlap_m(patch, s);
     if (least == HUGE_VAL) return {};
     if (least >= -kInnerMargin * margin_m) return SolidTouch{energy_of(patch, s), linearise(patch, s)};
   }
@@ -85,10 +85,10 @@ auto SolidContact<T>::Factor::row(const SolidGrid& grid, const LayeredTissue& ti
                                   std::size_t index) -> std::shared_ptr<Row> {
   const std::lock_guard lock(mutex);
   if (auto made = rows[index].lock()) return made;
-  const auto compliance = [&](double least_period_m, double smooth_m) {
-    return wide_surface(grid, tissue, poisson_ratio, least_period_m, smooth_m, index);
+  const auto compliance = [&](double min_period_m, double smooth_m) {
+    return wide_surface(grid, tissue, poisson_ratio, min_period_m, smooth_m, index);
   };
-  const double wide_m = choices::kLeastPeriod * grid.y_m.back();
+  const double wide_m = choices::kMinPeriod * grid.y_m.back();
   auto solved = index == 0 ? surface : std::make_shared<const SolidRow>(SolidRow{index, compliance(0, 0)});
   auto made = std::make_shared<Row>(std::move(solved), compliance(wide_m, 0), compliance(wide_m, kFeltM));
   rows[index] = made;
@@ -200,12 +200,12 @@ std::shared_ptr<const SharesTouch> SolidContact<T>::shares(const Fingertip& tip)
   const auto exact = felt ? exact_touch(tip) : nullptr;
   if (!exact) return nullptr;
   auto shares = std::make_shared<const SharesTouch>(tissue_, tip, exact, felt, drift_.scale);
-  return shares->most_m() > 0 ? shares : nullptr;
+  return shares->max_m() > 0 ? shares : nullptr;
 }
 
 template <class T>
 std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_touch(const Fingertip& tip) const {
-  constexpr std::size_t kMostTips = 32;
+  constexpr std::size_t kMaxTips = 32;
   if (row() > 0 || !LayeredTouch::knows(tip)) return nullptr;
   auto& exact = factor_->exact;
   const auto found = [&]() -> std::shared_ptr<const LayeredTouch> {
@@ -224,7 +224,7 @@ std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_touch(const Fingertip
   auto made = std::make_shared<const LayeredTouch>(stack, tip);
   const std::lock_guard lock(factor_->exact_mutex);
   if (auto known = found()) return known;
-  if (exact.size() == kMostTips) exact.pop_front();
+  if (exact.size() == kMaxTips) exact.pop_front();
   exact.emplace_back(tip, made);
   return made;
 }
@@ -236,8 +236,8 @@ ContactAnswer SolidContact<T>::felt_answer(const Fingertip& tip, const Vector3& 
   if (!(pose[1] > 0)) return answer;
   const SolidGrid& grid = tissue_.grid;
   double of_mesh = kOfMesh;
-  if (const auto exact = exact_touch(tip); exact && exact->most_m() > 0) {
-    const double known_m = exact->most_m();
+  if (const auto exact = exact_touch(tip); exact && exact->max_m() > 0) {
+    const double known_m = exact->max_m();
     const Vector3 at{pose[0], std::min(pose[1], known_m), pose[2]};
     const LayeredTouch::At layers = exact->at(at[1]).times(1 / drift_.scale);
     if (answer.state != ContactState::kContact)  // above all nodes
@@ -279,7 +279,7 @@ ContactAnswer SolidContact<T>::answer_by(const RecycledCompliance& compliance, c
 
 template <class T>
 SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, double force_error,
-                                     std::size_t most_iterations) {
+                                     std::size_t max_iterations) {
   require_touchable(tissue_.grid, row_->solved->index, tip, pose);
   feel();
   SolveReport report;
@@ -293,7 +293,7 @@ SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, 
   SolidSolver<T>& solver = factor_->solver;
   const SolidOptions options{
       .relative_error = std::max(kCorrectionShare * force_error, 2 * modulus_->rounding),
-      .max_iterations = most_iterations};
+      .max_iterations = max_iterations};
   solver.use(modulus_);
   solver.at(row_->solved);
   auto next = std::make_shared<RecycledCompliance>(*before);
@@ -313,7 +313,7 @@ SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, 
       if (!node || q != 1)
         learn(solver.load(
             unknowns, energy.sensitivity.col(q),
-            {.relative_error = std::min(kLeastForTangent, kTangentShare * options.relative_error)}));
+            {.relative_error = std::min(kMinForTangent, kTangentShare * options.relative_error)}));
   if (node) {  // the shape of its forces is known
     learn(solver.load(unknowns, contact.force_n, options));
   } else {  // The block is periodic; the contact's surface is not.
@@ -330,7 +330,7 @@ ContactAnswer SolidContact<T>::touch(const Fingertip& tip, const Vector3& pose,
                                      const SolidContactOptions& options) {
   ContactAnswer answer = this->answer(tip, pose, options.force_error);
   std::size_t iterations = 0;
-  for (std::size_t corrections = 0; corrections < options.most_corrections; ++corrections) {
+  for (std::size_t corrections = 0; corrections < options.max_corrections; ++corrections) {
     if (answer.solve.converged || answer.solve.reason == kRoundingReason) break;
     const SolveReport corrected = correct(tip, pose, options.force_error);
     iterations += corrected.iterations;
@@ -358,10 +358,10 @@ template <class T>
 std::vector<NodalPressure> SolidContact<T>::layered_pressure(const Fingertip& tip, const Vector3& pose,
                                                              double force_n) const {
   constexpr double kEqual = 1e-6;
-  constexpr int kMostTries = 10;  // 4 or 5 do
+  constexpr int kMaxTries = 10;  // 4 or 5 do
   Vector3 at = pose;
   double power = 1.5, before_n = 0, before_m = 0;  // of a round tip
-  for (int tries = 0; tries < kMostTries; ++tries) {
+  for (int tries = 0; tries < kMaxTries; ++tries) {
     require_touchable(tissue_.grid, row_->solved->index, tip, at);
     std::size_t iterations = 0;
     const auto touch = find_contact(tissue_.grid, *layered_, tip, at, iterations);

@@ -27,7 +27,7 @@ inline constexpr const char* kRoundingReason = "rounding";
 
 struct SolidContactOptions {
   double force_error = choices::kSolidForceError;  // over the force: the contact is corrected until below it
-  std::size_t most_corrections = choices::kMostCorrections;
+  std::size_t max_corrections = choices::kMaxCorrections;
 };
 
 // How a tissue's layers have left those of the factor that it is solved with (T8.7): as one, by which S0 is
@@ -81,10 +81,10 @@ class SolidContact {
   ContactAnswer felt_answer(const Fingertip& tip, const Vector3& pose,
                             double force_error = choices::kSolidForceError) const;
   // Solves the block under the contact at this pose, to what that force error takes; answers after it know
-  // what it showed. One thread at a time; after `most_iterations` of conjugate gradients it takes what there
+  // what it showed. One thread at a time; after `max_iterations` of conjugate gradients it takes what there
   // is. Throws as answer() does, std::domain_error where the block's solution breaks down.
   SolveReport correct(const Fingertip&, const Vector3& pose, double force_error = choices::kSolidForceError,
-                      std::size_t most_iterations = SolidOptions{}.max_iterations);
+                      std::size_t max_iterations = SolidOptions{}.max_iterations);
   // Answers, corrected before as long as that helps.
   ContactAnswer touch(const Fingertip&, const Vector3& pose, const SolidContactOptions& = {});
   // What bears `force_n` in all (to 1e-6 of it) of the layered tissue alone under the same tip, at the same x

@@ -23,7 +23,7 @@ double around(double period_m, double begin_m, double end_m) {
 // coarse, a fast finger is soon elsewhere.
 constexpr std::chrono::seconds kLearnAgain{1};
 constexpr double kStillMS = 0.001, kFastestMS = 0.5, kFarthestM = 0.008, kCorrected = 0.2,
-                 kMostCorrected = 0.01;
+                 kMaxCorrected = 0.01;
 
 // What no correction makes better is settled too: the answer says what it is off by.
 bool settled(const SolveReport& solve) {
@@ -91,7 +91,7 @@ class LayerApart final : public TouchedLayer {
 
   bool prepare(const Fingertip& tip, const TouchPose& pose, double, Clock::time_point) override {
     layer_.require_covered(tip, pose);
-    for (std::size_t corrections = 0; corrections < choices::kMostCorrections; ++corrections) {
+    for (std::size_t corrections = 0; corrections < choices::kMaxCorrections; ++corrections) {
       const SolveReport known = layer_.contact_.answer(tip, layer_.in_block(pose), choices::kLawShare).solve;
       if (settled(known)) break;
       const std::lock_guard lock(*layer_.mutex_);  // for one: others wait with a finger
@@ -165,7 +165,7 @@ bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double aro
   if (pose.position_m[1] <= 0 || around_m > 0) return true;
   for (std::size_t corrections = 0;; ++corrections) {
     const std::uint64_t done = corrector_.done();
-    if (settled(answered(tip, pose).solve) || follows(pose) || corrections == choices::kMostCorrections)
+    if (settled(answered(tip, pose).solve) || follows(pose) || corrections == choices::kMaxCorrections)
       return true;
     const std::exception_ptr failure = corrector_.failure();
     if (failure && corrections > 0) std::rethrow_exception(failure);  // it was waited for
@@ -218,10 +218,10 @@ std::optional<std::vector<NodalPressure>> SolidLayer::layered_pressure(const Fin
 }
 
 std::optional<DeformedLayer> SolidLayer::deformed(const Fingertip& tip, const TouchPose& pose,
-                                                  double around_m, std::size_t most_nodes) const {
+                                                  double around_m, std::size_t max_nodes) const {
   require_covered(tip, pose);
   const SolidGrid& grid = contact_.tissue().grid;
-  const auto most = static_cast<std::size_t>(std::sqrt(static_cast<double>(most_nodes)));
+  const auto most = static_cast<std::size_t>(std::sqrt(static_cast<double>(max_nodes)));
   const auto shown = [&](std::size_t count, double origin_m, double spacing_m, double at_m, double begin_m,
                          double end_m, std::vector<double>& places_m) {
     std::vector<std::size_t> indices;
@@ -268,7 +268,7 @@ void SolidLayer::follow(const TouchPose& pose) {
   const std::lock_guard lock(last_mutex_);
   if (const auto own = own_track(pose); own != tracks_.end()) tracks_.erase(own);
   tracks_.push_back({pose.position_m, Clock::now()});
-  if (tracks_.size() > Corrector::kMostFingers) tracks_.pop_front();
+  if (tracks_.size() > Corrector::kMaxFingers) tracks_.pop_front();
 }
 
 auto SolidLayer::own_track(const TouchPose& pose) -> std::deque<Track>::iterator {
@@ -322,7 +322,7 @@ void SolidLayer::correct(const Fingertip& tip, const TouchPose& pose) {
     if (settled(known)) return;
     const std::lock_guard lock(*mutex_);
     const double asked =
-        std::clamp(kCorrected * known.relative_error, choices::kSolidForceError, kMostCorrected);
+        std::clamp(kCorrected * known.relative_error, choices::kSolidForceError, kMaxCorrected);
     iterations_ += contact_.correct(tip, in_block(pose), asked).iterations;
   } catch (const std::out_of_range&) {  // said by the answer when the finger is there
   } catch (const std::invalid_argument&) {

@@ -35,7 +35,7 @@ class SolidLayer final : public TouchedLayer {
   std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                              double force_n) const override;
   std::optional<DeformedLayer> deformed(const Fingertip&, const TouchPose&, double around_m,
-                                        std::size_t most_nodes) const override;
+                                        std::size_t max_nodes) const override;
   std::string remark(const Fingertip&, const TouchPose&) const override;
   std::shared_ptr<TouchedLayer> apart() override;
   // SolidContact's, by any thread. Throws DeviceError, MemoryRefused.

@@ -78,7 +78,7 @@ void require_room(const SolidGrid& grid, const Fingertip& tip, double reach_m, d
       4 * reach_m >= static_cast<double>(grid.nz) * grid.spacing_z_m)
     throw std::out_of_range(
         "contact: the tip is too wide for the block of tissue; use a smaller one or press less");
-  if (nodes * (tip.friction == Friction::kStuck ? 3 : 1) > static_cast<double>(choices::kMostPatchUnknowns))
+  if (nodes * (tip.friction == Friction::kStuck ? 3 : 1) > static_cast<double>(choices::kMaxPatchUnknowns))
     throw std::out_of_range(fmt::format(
         "contact: some {:.0f} nodes are under the tip, more than can be solved in time; use a smaller tip, "
         "a coarser grid, or press less",
@@ -112,7 +112,7 @@ SolidPatch patch_under(const SolidGrid& grid, const RecycledCompliance& complian
   return patch;
 }
 
-double least_overlap_m(const SolidPatch& patch, const PatchSolution& s) {
+double min_overlap_m(const SolidPatch& patch, const PatchSolution& s) {
   double least = HUGE_VAL;
   const Index tied = patch.programme.first_node();
   for (std::size_t n = 0; n < patch.nodes.size(); ++n)

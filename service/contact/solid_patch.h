@@ -37,7 +37,7 @@ SolidPatch patch_under(const SolidGrid&, const RecycledCompliance&, const Finger
                        double margin_m);
 
 // Overlap of the node that touches and overlaps least; infinite where none touches.
-double least_overlap_m(const SolidPatch&, const PatchSolution&);
+double min_overlap_m(const SolidPatch&, const PatchSolution&);
 
 // By [x, indentation, z], J.
 struct SolidEnergy : PoseEnergy<3> {

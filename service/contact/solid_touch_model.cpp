@@ -88,7 +88,7 @@ std::string SolidTouchModel::plan() const {
   const auto shares = surface ? surface->shares(usual) : nullptr;
   if (!shares) return "how its surface is touched is planned at the first touch";
   constexpr double kUsualM = 0.002;
-  const double off = shares->most_half_width(kUsualM);
+  const double off = shares->max_half_width(kUsualM);
   const Tolerance tolerance = usual_tolerance(state_->block.log_deviation);
   return fmt::format(
       "a round tip of {:.3g} mm is answered by log-weighted shares{}: at {:.0f} mm they may be off by up to "

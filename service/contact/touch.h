@@ -17,7 +17,7 @@ struct Touch {
   // Relative errors of the force, where they are measured: what samples of the compliance's rounding make,
   // root mean square; the most that rounding as large could make; what unfinished iterations make, about.
   std::size_t samples = 0;
-  double sampled_error = 0, most_rounding = 0, unfinished_error = 0;
+  double sampled_error = 0, max_rounding = 0, unfinished_error = 0;
   std::vector<std::size_t> nodes;
   Eigen::VectorXd normal, tangential;
   double width_m = 0;  // of the contact: what the mean pressure is made with

@@ -151,10 +151,10 @@ class TouchedLayer {
     return std::nullopt;
   }
   // How it gives way under the tip at this pose, by the nodal forces of its contact: its nodes up to
-  // `around_m` of the tip along x and z, every second or third where more than `most_nodes` would be told;
+  // `around_m` of the tip along x and z, every second or third where more than `max_nodes` would be told;
   // none where it cannot tell. By any thread, beside the others. Throws as touch().
   virtual std::optional<DeformedLayer> deformed(const Fingertip&, const TouchPose&, double /*around_m*/,
-                                                std::size_t /*most_nodes*/) const {
+                                                std::size_t /*max_nodes*/) const {
     return std::nullopt;
   }
   // What to know of a touch that is answered all the same, such as a mesh too coarse for the tip; empty:

@@ -84,7 +84,7 @@ std::string lower(std::string text) {
   return text;
 }
 
-constexpr std::size_t kMostDevices = 64;
+constexpr std::size_t kMaxDevices = 64;
 
 // Of those that match, the one that comes after so many.
 const Found& choose(const std::vector<Found>& all, const std::string& select, std::size_t match) {
@@ -165,8 +165,8 @@ std::shared_ptr<Context> open_context(const DeviceOptions& options) {
     const std::vector<Found> all = find_devices();
     Found found = part_of(choose(all, options.select, options.match), options.part, options.parts);
     found.info.has_double = found.info.has_double && !options.hide_double;
-    if (options.most_array_bytes > 0)
-      found.info.max_allocation_bytes = std::min(found.info.max_allocation_bytes, options.most_array_bytes);
+    if (options.max_array_bytes > 0)
+      found.info.max_allocation_bytes = std::min(found.info.max_allocation_bytes, options.max_array_bytes);
     context = std::make_shared<Context>(found.device, found.info, options);
   });
   return context;
@@ -181,8 +181,8 @@ void read_selection(const std::string& selection, DeviceOptions& options) {
   std::size_t count = 0;
   const auto [end, error] = std::from_chars(parts.data(), parts.data() + parts.size(), count);
   if (parts.empty() || end != parts.data() + parts.size()) return;
-  if (error != std::errc() || count == 0 || count > kMostDevices)
-    throw DeviceError("'" + selection + "': a device is cut into 1 to " + std::to_string(kMostDevices) +
+  if (error != std::errc() || count == 0 || count > kMaxDevices)
+    throw DeviceError("'" + selection + "': a device is cut into 1 to " + std::to_string(kMaxDevices) +
                       " parts");
   options.select = selection.substr(0, slash);
   options.parts = count;
@@ -213,9 +213,9 @@ std::vector<DeviceOptions> choose_devices(const std::vector<std::string>& select
       }
     }
   });
-  if (chosen.size() > kMostDevices)
+  if (chosen.size() > kMaxDevices)
     throw DeviceError(std::to_string(chosen.size()) + " devices are more than the " +
-                      std::to_string(kMostDevices) + " that a service uses; name fewer");
+                      std::to_string(kMaxDevices) + " that a service uses; name fewer");
   return chosen;
 }
 

@@ -58,7 +58,7 @@ struct RawKernel {
   std::map<Sizes, Measured> measured;  // launches, by their global size
   bool cut_before = false, used_before = false;
   struct Cut {
-    std::size_t along = 0, groups = 0, most = 0;  // the dimension; its groups, and how many at once
+    std::size_t along = 0, groups = 0, max = 0;  // the dimension; its groups, and how many at once
   };
 
   void enqueue(const Sizes& from, const Sizes& global, const Sizes& local);

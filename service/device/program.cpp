@@ -30,10 +30,10 @@ std::string file_text(const std::string& file, const std::string& directory) {
       if (name == file) return std::string(text);
     throw DeviceError("no embedded kernel source " + file);
   }
-  constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
   const fs::path path = fs::path(directory) / file;
   try {
-    return read_small_file(path, kMostBytes);
+    return read_small_file(path, kMaxBytes);
   } catch (const UnreadFile& error) {
     throw DeviceError("cannot read kernel source " + path.string() + ": " + error.what());
   }
@@ -125,10 +125,10 @@ std::string BinaryCache::path(const std::string& key) const {
 
 std::optional<std::vector<unsigned char>> BinaryCache::load(const std::string& key) const {
   if (directory_.empty()) return std::nullopt;
-  constexpr std::size_t kMostBytes = std::size_t{1} << 30;
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 30;
   std::string all;
   try {
-    all = read_small_file(path(key), kMostBytes);
+    all = read_small_file(path(key), kMaxBytes);
   } catch (const UnreadFile&) {  // a miss
     return std::nullopt;
   }

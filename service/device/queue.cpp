@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kPendingLaunches = 4096;
 
 // Kept at most of what is on its way to the device; a larger write waits.
-constexpr std::size_t kMostSentBytes = std::size_t{4} << 20;
+constexpr std::size_t kMaxSentBytes = std::size_t{4} << 20;
 
 // On a thread that looks up: of work that a queue may have ahead, and bytes that are moved at once.
 constexpr double kAheadS = 0.01;
@@ -24,8 +24,8 @@ constexpr std::size_t kBytesAtOnce = std::size_t{8} << 20;
 constexpr std::size_t kItemsToTry = 4096;
 // PoCL compiles a kernel apart for wider launches, and apart again for those that start within their range.
 constexpr std::size_t kWidestSlice = 65535;
-constexpr double kMostGrowth = 4;       // of one slice to the next
-constexpr std::size_t kMostSizes = 64;  // that are remembered for a kernel
+constexpr double kMaxGrowth = 4;       // of one slice to the next
+constexpr std::size_t kMaxSizes = 64;  // that are remembered for a kernel
 constexpr int kMeasured = 3;            // launches of a size, after which it is known
 
 std::atomic<std::uint64_t> failing{0};  // a bit for each device, by its number
@@ -110,9 +110,9 @@ RawKernel::Cut RawKernel::cut(const Sizes& global, const Sizes& local) {
   for (std::size_t d = 1; d < 3; ++d)
     if (global[d] / local[d] > global[cut.along] / local[cut.along]) cut.along = d;
   cut.groups = global[cut.along] / local[cut.along];
-  cut.most = std::clamp<std::size_t>(kWidestSlice / local[cut.along], 1, cut.groups);
+  cut.max = std::clamp<std::size_t>(kWidestSlice / local[cut.along], 1, cut.groups);
   if (!cut_before && cut.groups > 1) {  // the two that PoCL compiles: at a warm-up, not within an estimate
-    cut.most = std::min(cut.most, (cut.groups + 1) / 2);
+    cut.max = std::min(cut.max, (cut.groups + 1) / 2);
     cut_before = true;
   }
   return cut;
@@ -128,14 +128,14 @@ void RawKernel::enqueue(const Cut& cut, std::size_t first, std::size_t count, co
 
 // Work-items know nothing of their launch but where they are in it, so that a launch may come in slices.
 void RawKernel::launch_at_pace(const Sizes& global, const Sizes& local) {
-  if (measured.size() > kMostSizes) measured.clear();
+  if (measured.size() > kMaxSizes) measured.clear();
   Measured& launch = measured[global];
   const Cut cut = this->cut(global, local);
   const bool known = launch.launches >= kMeasured;
   if (known && launch.s <= kAheadS) {
     if (pace->ahead_s + launch.s > kAheadS) catch_up();
-    for (std::size_t done = 0; done < cut.groups; done += cut.most)
-      enqueue(cut, done, std::min(cut.most, cut.groups - done), global, local);
+    for (std::size_t done = 0; done < cut.groups; done += cut.max)
+      enqueue(cut, done, std::min(cut.max, cut.groups - done), global, local);
     pace->ahead_s += launch.s;
     return;
   }
@@ -145,14 +145,14 @@ void RawKernel::launch_at_pace(const Sizes& global, const Sizes& local) {
   double step = part * double(cut.groups), took_s = 0;
   for (std::size_t done = 0; done < cut.groups;) {
     const std::size_t count =
-        std::min(static_cast<std::size_t>(std::clamp(step, 1.0, double(cut.most))), cut.groups - done);
+        std::min(static_cast<std::size_t>(std::clamp(step, 1.0, double(cut.max))), cut.groups - done);
     const auto slice_begun = std::chrono::steady_clock::now();
     enqueue(cut, done, count, global, local);
     guarded("waiting for the device", [&] { queue.finish(); });
     const std::chrono::duration<double> slice = std::chrono::steady_clock::now() - slice_begun;
     took_s += slice.count();
     done += count;
-    step = std::min(kAheadS / std::max(slice.count(), 1e-6), kMostGrowth) * double(count);
+    step = std::min(kAheadS / std::max(slice.count(), 1e-6), kMaxGrowth) * double(count);
     look();
   }
   // The longest, since arguments of one size may ask for more work than others; but not the first.
@@ -234,7 +234,7 @@ void Queue::write_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, 
 }
 
 void Queue::send_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, std::size_t offset) const {
-  if (state_->sent_bytes + bytes > kMostSentBytes) return write_bytes(buffer, host, bytes, offset);
+  if (state_->sent_bytes + bytes > kMaxSentBytes) return write_bytes(buffer, host, bytes, offset);
   check_range(buffer, bytes, offset);
   if (bytes == 0) return;
   const auto* from = static_cast<const std::byte*>(host);

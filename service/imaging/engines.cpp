@@ -64,7 +64,7 @@ void Engines::give_back(const std::string& client, const std::shared_ptr<Device>
   if (device != device_) return;
   idle_.push_front(std::make_shared<Idle>(client, std::move(engine)));
   account.add(device->place(), idle_.front());
-  if (idle_.size() <= kMostIdle) return;
+  if (idle_.size() <= kMaxIdle) return;
   one_more = std::move(idle_.back());
   idle_.pop_back();
 }

@@ -1,5 +1,5 @@
 // Elastography engines for estimates that are under way at once. An engine keeps its buffers for the next
-// pair of the same client; more than kMostIdle do not outlive their use, and idle ones go when others need
+// pair of the same client; more than kMaxIdle do not outlive their use, and idle ones go when others need
 // the device's memory.
 #pragma once
 
@@ -15,7 +15,7 @@ namespace teletact::service {
 
 class Engines {
  public:
-  static constexpr std::size_t kMostIdle = 2;
+  static constexpr std::size_t kMaxIdle = 2;
   explicit Engines(std::shared_ptr<Device>);
   ~Engines();
 

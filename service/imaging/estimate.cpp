@@ -74,8 +74,8 @@ Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOp
   uncorrected.corrections = 0;
   uncorrected_ = make_reference_stress(queue_, uncorrected, strips_);
   judge_ = std::make_unique<ModulusJudge>(strips_, JudgeLimits{}, options.direct.reach);
-  if (!(options_.least_median_correlation > 0 && options_.least_median_correlation < 1))
-    throw std::invalid_argument("least_median_correlation: must be above 0 and below 1");
+  if (!(options_.min_median_correlation > 0 && options_.min_median_correlation < 1))
+    throw std::invalid_argument("min_median_correlation: must be above 0 and below 1");
 }
 
 void Elastography::charge_to(const MemoryAccount& account) {
@@ -95,19 +95,19 @@ struct HostBytes {
 // Maps on the image grid, and meanwhile what they are read from the device as and the blocks of the direct
 // modulus (T3.2), which the iterative one starts from: four of ny^2 for each column of nodes, 1 mm apart.
 HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in, const ElastographyOptions& options) {
-  constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMostRows = 200;
+  constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMaxRows = 200;
   const double width_m = static_cast<double>(frame.line_count) * in.geometry.line_pitch_m,
                depth_m = static_cast<double>(frame.sample_count) * in.geometry.sample_pitch_m();
   const DisplacementOptions& o = options.displacement;
   const double nodes = (width_m / o.grid_dx_m + 2) * (depth_m / o.grid_dy_m + 2);
-  const double rows = std::min(kMostRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
+  const double rows = std::min(kMaxRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
   const ModulusKind method = in.modulus.kind.value_or(ModulusKind::kIterative);  // the most
   constexpr double kAcross = 64, kBeside = 2, kOfElement = 2;                    // of a solid: E and its copy
   const double direct = in.tissue.plane == Plane::kSolid ? kOfElement * kBeside * columns * rows * kAcross
                         : method == ModulusKind::kReferenceStress ? 0
                                                                   : 4 * columns * rows * rows;
-  const std::uint64_t b_mode = in.b_mode ? BMode::kMostRows * frame.line_count : 0;
+  const std::uint64_t b_mode = in.b_mode ? BMode::kMaxRows * frame.line_count : 0;
   return {static_cast<std::uint64_t>(nodes * (kMaps * sizeof(float) + 3)) + b_mode,
           static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
 }
@@ -135,13 +135,13 @@ void Elastography::warm() {
 void Elastography::judge_tracking(const RfFrame& pre, const RfFrame& post,
                                   const AcquisitionGeometry& geometry, Estimate& e) {
   e.median_correlation = median_correlation(e.correlation);
-  if (e.median_correlation >= options_.least_median_correlation) return;
+  if (e.median_correlation >= options_.min_median_correlation) return;
   const std::string found = fmt::format("pre, post: median correlation {:.2f} is below {:.2f}",
-                                        e.median_correlation, options_.least_median_correlation);
+                                        e.median_correlation, options_.min_median_correlation);
   DisplacementOptions wider = options_.displacement;
   wider.max_strain = std::min(kLargestMaxStrain, kWiderSearch * wider.max_strain);
   const DisplacementEstimate again = DisplacementEstimator(queue_, wider).estimate(pre, post, geometry);
-  if (median_correlation(queue_.read(again.correlation)) >= options_.least_median_correlation)
+  if (median_correlation(queue_.read(again.correlation)) >= options_.min_median_correlation)
     throw TrackingError(TrackingError::Reason::kBeyondSearch,
                         fmt::format("{}, but the pair can be tracked with max_strain {:.3g}: it is strained "
                                     "beyond max_strain {:.3g}; compress less, or raise it",

@@ -33,7 +33,7 @@ struct ElastographyOptions {
   DirectOptions direct;
   IterativeOptions iterative;
   SolidModulusOptions solid;
-  double least_median_correlation = choices::kLeastMedianCorrelation;
+  double min_median_correlation = choices::kMinMedianCorrelation;
 };
 
 // How the modulus is to be found.

@@ -56,9 +56,9 @@ void EstimateCost::Rate::learn(double seconds, double work) {
 
 double EstimateCost::believed(Time now) const {
   const auto left = [](double age_s) { return std::exp2(-std::max(age_s, 0.0) / kHalfLifeS); };
-  const double idle = std::max(left(seconds_between(measured_, now)), kLeastShare);
+  const double idle = std::max(left(seconds_between(measured_, now)), kMinShare);
   if (!refused_) return idle;
-  return std::max(std::min(idle, left(refused_->lasted_s)), kLeastShareRefused);
+  return std::max(std::min(idle, left(refused_->lasted_s)), kMinShareRefused);
 }
 
 double EstimateCost::expected_s(const EstimateSize& s, Time now) const {
@@ -109,7 +109,7 @@ void EstimateCost::learn_modulus(ModulusKind kind, double seconds, double work) 
 
 void EstimateCost::refused(const EstimateSize& s, double left_s, Time now) {
   const std::lock_guard lock(mutex_);
-  if (!(kLeastShareRefused * measured_s(s) <= left_s)) return;
+  if (!(kMinShareRefused * measured_s(s) <= left_s)) return;
   if (!refused_) refused_ = {now};
   refused_->lasted_s += std::min(seconds_between(refused_->last, now), kHalfLifeS);
   refused_->last = now;

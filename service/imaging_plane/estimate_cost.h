@@ -36,8 +36,8 @@ class EstimateCost {
  public:
   using Time = std::chrono::steady_clock::time_point;
   static constexpr double kHalfLifeS = 300;          // of what was measured, while nothing is
-  static constexpr double kLeastShare = 0.5;         // of it, that is always expected
-  static constexpr double kLeastShareRefused = 0.1;  // the same, once estimates were refused for long
+  static constexpr double kMinShare = 0.5;         // of it, that is always expected
+  static constexpr double kMinShareRefused = 0.1;  // the same, once estimates were refused for long
 
   double expected_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
   // The same of its parts: of the modulus by each method (by ModulusKind), and of what is published.

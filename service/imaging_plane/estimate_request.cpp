@@ -19,7 +19,7 @@ EstimateSize EstimateRequest::size() const {
           window_width_m(),
           tissue.depth_m,
           solid ? ModulusKind::kSolid : modulus.kind.value_or(ModulusKind::kIterative),
-          modulus.time_limit_s.value_or(most_modulus_s),
+          modulus.time_limit_s.value_or(max_modulus_s),
           scene != nullptr};
 }
 
@@ -42,13 +42,13 @@ double EstimateRequest::area_relative_deviation() const {
 namespace {
 
 void check_frames(const EstimateRequest& r, const Limits& limits) {
-  require_between<std::uint64_t>("acquisition.sample_count", r.sample_count, limits.least_samples,
-                                 limits.most_samples, "give the samples of one A-line");
-  require_between<std::uint64_t>("acquisition.line_count", r.line_count, limits.least_lines,
-                                 limits.most_lines, "give the number of A-lines");
+  require_between<std::uint64_t>("acquisition.sample_count", r.sample_count, limits.min_samples,
+                                 limits.max_samples, "give the samples of one A-line");
+  require_between<std::uint64_t>("acquisition.line_count", r.line_count, limits.min_lines,
+                                 limits.max_lines, "give the number of A-lines");
   const AcquisitionGeometry& g = r.geometry;
-  require_between("acquisition.center_frequency_hz", g.center_frequency_hz, limits.least_center_frequency_hz,
-                  limits.most_center_frequency_hz,
+  require_between("acquisition.center_frequency_hz", g.center_frequency_hz, limits.min_center_frequency_hz,
+                  limits.max_center_frequency_hz,
                   "give the transducer's centre frequency in Hz (5 MHz is 5e6)");
   if (!(g.sampling_frequency_hz > 2 * g.center_frequency_hz) || !std::isfinite(g.sampling_frequency_hz))
     throw std::invalid_argument(
@@ -56,14 +56,14 @@ void check_frames(const EstimateRequest& r, const Limits& limits) {
                     "digitiser's rate in Hz (40 MHz "
                     "is 40e6)",
                     g.sampling_frequency_hz));
-  require_between("acquisition.sound_speed_m_s", g.sound_speed_m_s, limits.least_sound_speed_m_s,
-                  limits.most_sound_speed_m_s, "soft tissue is about 1540");
-  require_between("acquisition.line_pitch_m", g.line_pitch_m, limits.least_line_pitch_m,
-                  limits.most_line_pitch_m, "give the distance of two A-lines in metres");
+  require_between("acquisition.sound_speed_m_s", g.sound_speed_m_s, limits.min_sound_speed_m_s,
+                  limits.max_sound_speed_m_s, "soft tissue is about 1540");
+  require_between("acquisition.line_pitch_m", g.line_pitch_m, limits.min_line_pitch_m,
+                  limits.max_line_pitch_m, "give the distance of two A-lines in metres");
   require_between("acquisition.first_sample_depth_m", g.first_sample_depth_m, 0.0,
-                  limits.most_first_sample_depth_m, "give the depth of the first sample in metres");
+                  limits.max_first_sample_depth_m, "give the depth of the first sample in metres");
   require_between("acquisition.line_pitch_m x line_count", r.window_width_m(), 0.0,
-                  limits.most_window_width_m,
+                  limits.max_window_width_m,
                   "no probe is wider; give the distance of two A-lines in metres");
 }
 
@@ -76,12 +76,12 @@ void check_deviation(const char* field, double stated, double value, double usua
 }
 
 void check_force(const EstimateRequest& r, const Limits& limits) {
-  require_between("acquisition.probe_force.force_n", r.force->force_n, limits.least_probe_force_n,
-                  limits.most_probe_force_n, "give the sensor's change from pre to post, > 0 in compression");
+  require_between("acquisition.probe_force.force_n", r.force->force_n, limits.min_probe_force_n,
+                  limits.max_probe_force_n, "give the sensor's change from pre to post, > 0 in compression");
   // Of 0.1 mm to 0.5 m across the image plane: cm^2 or mm^2 given for m^2 lie outside.
   require_between("acquisition.probe_force.contact_area_m2", r.force->contact_area_m2,
-                  limits.least_probe_elevation_m * r.window_width_m(),
-                  limits.most_probe_elevation_m * r.window_width_m(),
+                  limits.min_probe_elevation_m * r.window_width_m(),
+                  limits.max_probe_elevation_m * r.window_width_m(),
                   "give the area of the probe's face that touches, the window's width times the face's "
                   "elevation, in m^2 (1 cm^2 is 1e-4)");
   check_deviation("force_std_n", r.force_std_n, r.force->force_n, choices::kForceDeviation);
@@ -116,19 +116,19 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
   }
   if (r.tissue.probe_elevation_m != 0)
     require_between("acquisition.probe_elevation_m", r.tissue.probe_elevation_m,
-                    limits.least_probe_elevation_m, limits.most_probe_elevation_m,
+                    limits.min_probe_elevation_m, limits.max_probe_elevation_m,
                     "give the length of the probe's face across the image plane, in m");
   if (r.modulus.time_limit_s)
-    require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.least_modulus_time_s,
-                    limits.most_modulus_time_s, "leave it out for what the force needs and the time leaves");
-  r.most_modulus_s = limits.most_modulus_time_s;
+    require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.min_modulus_time_s,
+                    limits.max_modulus_time_s, "leave it out for what the force needs and the time leaves");
+  r.max_modulus_s = limits.max_modulus_time_s;
   if (r.max_strain == 0) r.max_strain = choices::kMaxStrain;
-  require_between("acquisition.max_strain", r.max_strain, limits.least_max_strain, limits.most_max_strain,
+  require_between("acquisition.max_strain", r.max_strain, limits.min_max_strain, limits.max_max_strain,
                   fmt::format("leave it out for {}", choices::kMaxStrain).c_str());
   DisplacementOptions search;
   search.max_strain = r.max_strain;
   DisplacementEstimator::require_fits({r.sample_count, r.line_count, {}}, r.geometry, search);
-  require_between("acquisition.finish_within_s", r.finish_within_s, 0.0, limits.most_finish_within_s,
+  require_between("acquisition.finish_within_s", r.finish_within_s, 0.0, limits.max_finish_within_s,
                   "give seconds after the last byte, or leave it out");
 }
 
@@ -162,8 +162,8 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
   tissue.depth_stated = stated.depth_m != 0 || scene;
   if (stated.depth_m == 0) tissue.depth_m = scene ? scene->depth_m : frame_end_m;
   if (stated.poisson_ratio == 0) tissue.poisson_ratio = scene ? scene->poisson_ratio : choices::kPoissonRatio;
-  require_between("acquisition.tissue_depth_m", tissue.depth_m, limits.least_tissue_depth_m,
-                  limits.most_tissue_depth_m, "give the depth of the fixed far side in metres");
+  require_between("acquisition.tissue_depth_m", tissue.depth_m, limits.min_tissue_depth_m,
+                  limits.max_tissue_depth_m, "give the depth of the fixed far side in metres");
   require_between("acquisition.poisson_ratio", tissue.poisson_ratio, 0.0, TissueExtent::kLargestPoissonRatio,
                   "soft tissue is about 0.49; an estimate's modulus would hang on nu alone nearer to 1/2");
   constexpr double kSolidPoissonRatio = 0.499;  // beyond it single precision does not carry the forward solve
@@ -180,7 +180,7 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
     tissue.window_x_m = std::clamp(r.window_x_m, 0.0, tissue.width_m - width_m);
   } else {
     if (stated.width_m == 0) tissue.width_m = width_m;
-    require_between("acquisition.tissue_width_m", tissue.width_m, width_m, limits.most_tissue_width_m,
+    require_between("acquisition.tissue_width_m", tissue.width_m, width_m, limits.max_tissue_width_m,
                     "the tissue is at least as wide as the window");
     tissue.window_x_m = (tissue.width_m - width_m) / 2;
   }

@@ -27,12 +27,12 @@ FairQueue::Account& FairQueue::account(const std::string& client, Time now) {
 FairQueue::Id FairQueue::add(const JobTerms& terms, Time now) {
   if (!terms.owed) {
     const auto mine = accounts_.find(terms.client);
-    if (mine != accounts_.end() && mine->second.waiting >= kMostWaitingPerClient)
+    if (mine != accounts_.end() && mine->second.waiting >= kMaxWaitingPerClient)
       throw Error(ErrorKind::kExhausted,
                   fmt::format("{} jobs of this client wait already, no more are taken; it could be done in "
                               "{:.1f} s, try again then",
                               mine->second.waiting, done_in_s(terms, now)));
-    if (waiting_ >= kMostWaiting)
+    if (waiting_ >= kMaxWaiting)
       throw Error(ErrorKind::kExhausted, fmt::format("{} jobs wait already, no more are taken; it could be "
                                                      "done in {:.1f} s, try again then",
                                                      waiting_, done_in_s(terms, now)));
@@ -69,17 +69,17 @@ std::optional<FairQueue::Id> FairQueue::next_of(const std::string& client) const
     if (job.begun) return id;
     if (!first || job.terms.deadline < jobs_.at(*first).terms.deadline) first = id;
   }
-  return first && begun_ < kMostBegun ? first : std::nullopt;
+  return first && begun_ < kMaxBegun ? first : std::nullopt;
 }
 
 // Whose turn it is, though another may have to use it.
 std::optional<FairQueue::Id> FairQueue::first(Time now) const {
   if (const auto owed = next_owed(now, true)) return owed;
   std::optional<Id> best;
-  double least_s = 0;
+  double min_s = 0;
   for (const auto& [client, account] : accounts_) {
-    if (account.jobs == 0 || (best && account.served_s >= least_s)) continue;
-    if (const auto id = next_of(client)) best = id, least_s = account.served_s;
+    if (account.jobs == 0 || (best && account.served_s >= min_s)) continue;
+    if (const auto id = next_of(client)) best = id, min_s = account.served_s;
   }
   return best ? best : next_owed(now, false);
 }

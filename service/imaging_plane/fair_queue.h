@@ -32,11 +32,11 @@ class FairQueue {
   using Time = JobTerms::Time;
   using Id = std::uint64_t;  // never 0
   static constexpr double kSliceS = 0.05;
-  static constexpr std::size_t kMostWaiting = 64;           // of all clients, owed ones aside
-  static constexpr std::size_t kMostWaitingPerClient = 16;  // of one
+  static constexpr std::size_t kMaxWaiting = 64;           // of all clients, owed ones aside
+  static constexpr std::size_t kMaxWaitingPerClient = 16;  // of one
   // Each holds its memory; owed ones aside. More than there are places for estimates: a new scene never waits
   // for the end of a long one.
-  static constexpr std::size_t kMostBegun = 16;
+  static constexpr std::size_t kMaxBegun = 16;
   // A client that was served so lately may come back at any moment: promises count on it.
   static constexpr std::chrono::seconds kLately{2};
 

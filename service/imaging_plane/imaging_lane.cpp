@@ -84,7 +84,7 @@ double ImagingLane::done_in_s(const EstimateRequest& request, const JobTerms& as
   return workers_.done_in_s(terms);
 }
 
-double ImagingLane::least_s(const EstimateRequest& request) const {
+double ImagingLane::min_s(const EstimateRequest& request) const {
   EstimateSize size = request.size();
   if (request.planned()) size.method = ModulusKind::kReferenceStress;
   return cost_.expected_s(size);
@@ -114,7 +114,7 @@ ModulusTime ImagingLane::modulus_time(const EstimateRequest& r, const JobTerms& 
 
 void ImagingLane::refuse_the_hopeless(const EstimateRequest& request, const JobTerms& asked) {
   JobTerms terms = this->terms(request, asked);
-  terms.cost_s = least_s(request);
+  terms.cost_s = min_s(request);
   require_in_time(request, terms, terms.cost_s,
                   "acquisition.finish_within_s: by itself such an estimate could be done in {:.1f} s; "
                   "allow more, or send a smaller frame or a smaller modulus_time_limit_s");
@@ -125,7 +125,7 @@ JobTerms ImagingLane::admit(const EstimateRequest& request, const JobTerms& aske
   const auto late = [&] {
     return workers_.done_in_s(terms) > Seconds(terms.deadline - Clock::now()).count();
   };
-  if (request.planned() && late()) terms.cost_s = least_s(request);
+  if (request.planned() && late()) terms.cost_s = min_s(request);
   require_in_time(
       request, terms, workers_.done_in_s(terms),
       "not to be done in time beside what is being served; it could be done in {:.1f} s: allow so "
@@ -173,7 +173,7 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
   EstimateInput in(r);
   if (r.scene) in.known = known_modulus(r.scene->snapshot()->map);
   if (r.slice_of) in.beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
-  in.modulus.time_limit_s = r.modulus.time_limit_s.value_or(r.most_modulus_s);
+  in.modulus.time_limit_s = r.modulus.time_limit_s.value_or(r.max_modulus_s);
   if (r.force) in.modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
   if (r.scene) in.modulus.need.tolerance = r.scene->finger().tolerance();
   {

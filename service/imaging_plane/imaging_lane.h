@@ -76,7 +76,7 @@ class ImagingLane {
   void open_again();
   JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
   // The least that it could work, s: by the quickest method where none is named.
-  double least_s(const EstimateRequest&) const;
+  double min_s(const EstimateRequest&) const;
   ModulusTime modulus_time(const EstimateRequest&, const JobTerms&, double begun_s) const;
   // Throws Error(kUnavailable) for what would be published in a scene that another device took over.
   void require_here(const EstimateRequest&) const;

@@ -16,12 +16,12 @@ class RecoveryPauses {
   using Time = std::chrono::milliseconds;
   static constexpr Time kFirst{250}, kLongest{30'000};
 
-  explicit RecoveryPauses(Time first = kFirst, Time longest = kLongest) : least_(first), longest_(longest) {}
+  explicit RecoveryPauses(Time first = kFirst, Time longest = kLongest) : min_(first), longest_(longest) {}
 
   // Before the first try.
   Time failed(Clock::time_point now) {
     const bool at_once = worked_since_ && now - *worked_since_ < longest_;
-    first_ = at_once ? twice(first_) : least_;
+    first_ = at_once ? twice(first_) : min_;
     return next_ = first_;
   }
   // Before the next one.
@@ -30,7 +30,7 @@ class RecoveryPauses {
 
  private:
   Time twice(Time pause) const { return std::min(2 * pause, longest_); }
-  Time least_, longest_, first_ = least_, next_ = least_;
+  Time min_, longest_, first_ = min_, next_ = min_;
   std::optional<Clock::time_point> worked_since_;
 };
 

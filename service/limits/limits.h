@@ -17,32 +17,32 @@ struct Limits {
   double client_memory_share = 0.1;
   // What a scene may be. Columns are nodes along x: the work grows with their cube. The thickness is a
   // contact's width out of the plane.
-  std::uint64_t most_scenes = 64, most_scene_elements = 65536, most_scene_columns = 513,
-                most_solid_elements = 400000, most_windows = 256;
-  double least_scene_m = 0.002, most_scene_width_m = 2, most_scene_depth_m = 0.3;
-  double least_thickness_m = 1e-4, most_thickness_m = 1;
+  std::uint64_t max_scenes = 64, max_scene_elements = 65536, max_scene_columns = 513,
+                max_solid_elements = 400000, max_windows = 256;
+  double min_scene_m = 0.002, max_scene_width_m = 2, max_scene_depth_m = 0.3;
+  double min_thickness_m = 1e-4, max_thickness_m = 1;
   // What an acquisition may be. The modulus' memory grows with the window's width. The probe's elevation is
   // its contact area over that width.
-  std::uint64_t most_frame_bytes = 64 << 20, most_chunk_bytes = 1 << 20;
-  std::uint64_t least_samples = 64, most_samples = 16384, least_lines = 8, most_lines = 2048;
-  double least_center_frequency_hz = 1e5, most_center_frequency_hz = 1e8;
-  double least_sound_speed_m_s = 1000, most_sound_speed_m_s = 2500;
-  double least_line_pitch_m = 1e-5, most_line_pitch_m = 5e-3, most_window_width_m = 0.5;
-  double most_first_sample_depth_m = 0.3, least_tissue_depth_m = 1e-3, most_tissue_depth_m = 1,
-         most_tissue_width_m = 10;
-  double least_probe_force_n = 1e-6, most_probe_force_n = 1e4, least_probe_elevation_m = 1e-4,
-         most_probe_elevation_m = 0.5;
-  double least_max_strain = 1e-3, most_max_strain = 0.125;
-  double least_modulus_time_s = 1e-3, most_modulus_time_s = 60;
+  std::uint64_t max_frame_bytes = 64 << 20, max_chunk_bytes = 1 << 20;
+  std::uint64_t min_samples = 64, max_samples = 16384, min_lines = 8, max_lines = 2048;
+  double min_center_frequency_hz = 1e5, max_center_frequency_hz = 1e8;
+  double min_sound_speed_m_s = 1000, max_sound_speed_m_s = 2500;
+  double min_line_pitch_m = 1e-5, max_line_pitch_m = 5e-3, max_window_width_m = 0.5;
+  double max_first_sample_depth_m = 0.3, min_tissue_depth_m = 1e-3, max_tissue_depth_m = 1,
+         max_tissue_width_m = 10;
+  double min_probe_force_n = 1e-6, max_probe_force_n = 1e4, min_probe_elevation_m = 1e-4,
+         max_probe_elevation_m = 0.5;
+  double min_max_strain = 1e-3, max_max_strain = 0.125;
+  double min_modulus_time_s = 1e-3, max_modulus_time_s = 60;
   // What touch may ask for. The tissue of a window is fine as far as the largest tip reaches.
-  std::uint64_t most_credit = 256;
-  double most_touch_rate_hz = 1000, least_touch_rate_hz = 20, most_touch_period_s = 1,
-         most_finger_rate_hz = 100, most_observe_rate_hz = 60;
-  double least_tip_m = 1e-4, most_tip_m = 0.014;
+  std::uint64_t max_credit = 256;
+  double max_touch_rate_hz = 1000, min_touch_rate_hz = 20, max_touch_period_s = 1,
+         max_finger_rate_hz = 100, max_observe_rate_hz = 60;
+  double min_tip_m = 1e-4, max_tip_m = 0.014;
   // Who is served at once, and for how long.
-  std::uint64_t most_touch_streams = 512, most_watchers = 64, most_observers = 64, most_estimates = 8,
-                most_unary_calls = 64, most_full_scenes = 4;
-  std::uint64_t touch_workers = 0, most_threads = 256;
+  std::uint64_t max_touch_streams = 512, max_watchers = 64, max_observers = 64, max_estimates = 8,
+                max_unary_calls = 64, max_full_scenes = 4;
+  std::uint64_t touch_workers = 0, max_threads = 256;
   // From opening a stream to its first message; that an answer waits to be acknowledged, or to be taken (a
   // unary call's 1 s more for each MiB); silence that ends a touch.
   double first_message_s = 10, acknowledge_s = 10, answer_taken_s = 10, touch_idle_s = 60;
@@ -50,7 +50,7 @@ struct Limits {
   // that stood by; to end calls.
   double unready_s = 0.25, move_s = 10, drain_s = 3;
   // Silence that ends an upload; for a whole upload so long, and by that rate of both frames (B/s) beside it.
-  double upload_idle_s = 10, least_upload_s = 10, least_upload_rate = 1e6, most_finish_within_s = 3600;
+  double upload_idle_s = 10, min_upload_s = 10, min_upload_rate = 1e6, max_finish_within_s = 3600;
 };
 
 // One line of the list.
@@ -58,7 +58,7 @@ struct LimitRow {
   const char* name;  // as in the configuration and in GetInfo
   std::variant<std::uint64_t Limits::*, double Limits::*> member;
   const char* unit;               // "1" for counts
-  double least = 0, most = 0;     // what it may be set to
+  double min = 0, max = 0;     // what it may be set to
   const char* meaning = nullptr;  // null: it is a constant
   double value(const Limits&) const;
 };

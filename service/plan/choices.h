@@ -24,8 +24,8 @@ inline constexpr double kHandOver = 0.002;  // it may leave its window by this m
 inline constexpr double kWidestReach = 0.014;  // half of the widest contact
 // What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
 // depend on where it stands between them by more than 5 % (contact-chart.md: over tips, spacings, depths).
-inline constexpr double kLeastSpacings = 1.5;
-inline constexpr double kLeastPadSpacings = 4.4;  // all of a pad (solid_contact_test)
+inline constexpr double kMinSpacings = 1.5;
+inline constexpr double kMinPadSpacings = 4.4;  // all of a pad (solid_contact_test)
 
 // A light touch: what fingers make out stiffness with before they press.
 inline constexpr double kLightTouch = 5e-4;
@@ -38,7 +38,7 @@ inline constexpr double kCandidateMargin = 0.25;
 inline constexpr std::size_t kRowsByColumns = 4;
 // Interior rows that are kept, those used last, at 8 bytes for each pair of freedoms of a row; one more
 // is made again when it is asked for. One is always kept, and those that somebody holds are.
-inline constexpr std::size_t kMostComplianceBytes = std::size_t{256} << 20;
+inline constexpr std::size_t kMaxComplianceBytes = std::size_t{256} << 20;
 
 // How conjugate gradients solve. Devices without double: up to here float alone converges at any contrast
 // tested on square elements.
@@ -69,7 +69,7 @@ inline constexpr std::chrono::milliseconds kTactilePeriod{20};
 // and so many nodes.
 inline constexpr std::chrono::microseconds kSurfacePeriod{16667};
 inline constexpr double kSurfaceAround = 0.020;
-inline constexpr std::size_t kMostSurfaceNodes = 1089;
+inline constexpr std::size_t kMaxSurfaceNodes = 1089;
 
 // Contact laws (contact/law_sampler.h): what the force that is interpolated may be off by; columns of samples
 // that every law has, on one lattice of the scene whose pitch is no multiple of a mesh's, so that they do not
@@ -90,7 +90,7 @@ inline constexpr double kLawLightest = 0.45;
 inline constexpr double kLawBetween = 2.3, kLawLeastStated = 0.02;
 // Tissue that takes more columns has no law. So long a law is sampled in one turn, and so long before what is
 // known is shown.
-inline constexpr std::size_t kMostLawColumns = 512;
+inline constexpr std::size_t kMaxLawColumns = 512;
 inline constexpr std::chrono::milliseconds kLawStep{10};
 inline constexpr std::chrono::microseconds kLawShown{500};
 // How they are sent: windows this near, what is nearest to where the finger will be so much later first, so
@@ -108,20 +108,20 @@ inline constexpr double kPressesOnM = 0.008;
 // Solid tissue (contact/solid_contact.h). Its surface answers as if the block's copies were this far from
 // each other at least, in depths of the tissue: nearer ones make it stiffer. The contact is corrected on the
 // whole block until its force is known to this, at most so often.
-inline constexpr double kLeastPeriod = 6.4;
+inline constexpr double kMinPeriod = 6.4;
 // Columns along z are at most so far apart, whatever the pitch of the slices; and so much tissue lies between
 // one end of a block and its other end's copy, at least.
 inline constexpr double kSolidSpacing = 0.002, kSolidPadding = 0.016;
 inline constexpr double kSolidForceError = 2e-3;
 // What a block may be: its elements with those around it, its size along z, columns a side of the tissue as
-// wide as kLeastPeriod; and the unknowns under a tip.
-inline constexpr std::size_t kMostBlockElements = std::size_t{1} << 20;
-inline constexpr double kWidestSolid = 1, kMostWideColumns = 1024;
-inline constexpr std::size_t kMostPatchUnknowns = 1500;
-inline constexpr std::size_t kMostCorrections = 8;
+// wide as kMinPeriod; and the unknowns under a tip.
+inline constexpr std::size_t kMaxBlockElements = std::size_t{1} << 20;
+inline constexpr double kWidestSolid = 1, kMaxWideColumns = 1024;
+inline constexpr std::size_t kMaxPatchUnknowns = 1500;
+inline constexpr std::size_t kMaxCorrections = 8;
 // The layers of a solid's factor are made anew once ln E0 of one has drifted so far from the others (T8.7). A
 // touch farther than this from the nearest slice is of tissue that nobody measured.
-inline constexpr double kMostDrift = 0.02, kSliceReach = 0.005;
+inline constexpr double kMaxDrift = 0.02, kSliceReach = 0.005;
 // Standard deviation of ln E of such tissue: two of it are a factor of three, which few lumps are beyond.
 inline constexpr double kUnseenDeviation = 0.55;
 
@@ -130,7 +130,7 @@ inline constexpr double kUnseenDeviation = 0.55;
 inline constexpr double kForceDeviation = 0.03, kAreaDeviation = 0.05;
 inline constexpr double kMaxStrain = 0.05, kPoissonRatio = 0.49;
 // A window is refused when less than this share of its cells was measured.
-inline constexpr double kLeastMeasuredShare = 0.2;
+inline constexpr double kMinMeasuredShare = 0.2;
 
 // What a finger that explores at 120 mm/s leaves the modulus of a window of 60 mm, beside tracking and
 // publishing (T1). One that is slower than this leaves as much time as at this speed: it may turn at any
@@ -138,6 +138,6 @@ inline constexpr double kLeastMeasuredShare = 0.2;
 inline constexpr double kModulusTime = 0.35;
 inline constexpr double kSlowFinger = 0.030;
 // Of an estimate's textured nodes: below this median correlation the pair is refused.
-inline constexpr double kLeastMedianCorrelation = 0.6;
+inline constexpr double kMinMedianCorrelation = 0.6;
 
 }  // namespace teletact::service::choices

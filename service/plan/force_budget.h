@@ -35,10 +35,10 @@ struct ForceError {
 // Terms are taken for independent: deviations and estimates add as squares, bounds on top of that.
 class ForceBudget {
  public:
-  static constexpr std::size_t kMostTerms = 7;  // each once
+  static constexpr std::size_t kMaxTerms = 7;  // each once
   static constexpr double kOf95 = 1.96;         // half of the interval over a deviation or an estimate
   void add(const ForceError& error) {
-    if (count_ < kMostTerms) terms_[count_++] = error;
+    if (count_ < kMaxTerms) terms_[count_++] = error;
   }
   std::span<const ForceError> terms() const { return {terms_.data(), count_}; }
   // Half of the interval that holds the true force in 95 of 100, over the force; 0 where nothing is stated.
@@ -67,7 +67,7 @@ class ForceBudget {
     }
     return bounds + kOf95 * std::sqrt(squares);
   }
-  std::array<ForceError, kMostTerms> terms_{};
+  std::array<ForceError, kMaxTerms> terms_{};
   std::size_t count_ = 0;
 };
 
@@ -84,9 +84,9 @@ struct Tolerance {
 // Of whom asks for none: half of what the modulus is known to is enough, up to a tenth. deviation: of ln E,
 // the least in the tissue that is meant; 0: not known.
 inline Tolerance usual_tolerance(double deviation) {
-  constexpr double kMost = 0.1;  // a lump that changes the force by more is felt
+  constexpr double kMax = 0.1;  // a lump that changes the force by more is felt
   Tolerance usual;
-  usual.relative = std::clamp(deviation / 2, usual.relative, kMost);
+  usual.relative = std::clamp(deviation / 2, usual.relative, kMax);
   return usual;
 }
 

@@ -23,13 +23,13 @@ void check_frame_bytes(const v1::Acquisition& in, const Limits& limits) {
     throw std::invalid_argument("acquisition.dtype: must be INT16 or FLOAT32");
   const auto bytes =
       static_cast<unsigned __int128>(in.sample_count()) * in.line_count() * bytes_per_item(in.dtype());
-  if (bytes > limits.most_frame_bytes)
+  if (bytes > limits.max_frame_bytes)
     throw Error(
         ErrorKind::kExhausted,
         fmt::format(
             "acquisition.sample_count, acquisition.line_count: {} x {} samples are more than the {} bytes "
             "a frame may have; crop the frame",
-            in.sample_count(), in.line_count(), limits.most_frame_bytes));
+            in.sample_count(), in.line_count(), limits.max_frame_bytes));
 }
 
 DisplacementFrame frame_from(v1::DisplacementFrame in) {
@@ -156,20 +156,20 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, co
 }
 
 FrameUpload::FrameUpload(const EstimateRequest& request, v1::DataType of_samples,
-                         std::size_t most_chunk_bytes)
+                         std::size_t max_chunk_bytes)
     : samples_(request.sample_count),
       lines_(request.line_count),
       frame_bytes_(request.samples() * bytes_per_item(of_samples)),
-      most_chunk_bytes_(most_chunk_bytes),
+      max_chunk_bytes_(max_chunk_bytes),
       dtype_(of_samples) {}
 
 void FrameUpload::add(const v1::FrameChunk& chunk) {
   if (chunk.frame() != v1::FRAME_KIND_PRE && chunk.frame() != v1::FRAME_KIND_POST)
     throw std::invalid_argument("chunk.frame: must be PRE or POST");
   std::string& frame = chunk.frame() == v1::FRAME_KIND_PRE ? pre_ : post_;
-  if (chunk.data().size() > most_chunk_bytes_)
+  if (chunk.data().size() > max_chunk_bytes_)
     throw std::invalid_argument(fmt::format("chunk.data: {} bytes, at most {} per chunk; send smaller ones",
-                                            chunk.data().size(), most_chunk_bytes_));
+                                            chunk.data().size(), max_chunk_bytes_));
   if (chunk.offset_bytes() != frame.size())
     throw std::invalid_argument(
         fmt::format("chunk.offset_bytes: {}, but {} bytes of the frame have come; send the chunks "

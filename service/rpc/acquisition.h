@@ -20,7 +20,7 @@ EstimateRequest request_from(const v1::Acquisition&, const Scenes&, const Limits
 // Puts the chunks of both frames together.
 class FrameUpload {
  public:
-  FrameUpload(const EstimateRequest&, v1::DataType of_samples, std::size_t most_chunk_bytes);
+  FrameUpload(const EstimateRequest&, v1::DataType of_samples, std::size_t max_chunk_bytes);
   std::size_t frame_bytes() const { return frame_bytes_; }
   // Throws std::invalid_argument for a chunk that does not continue its frame or has too many bytes.
   void add(const v1::FrameChunk&);
@@ -32,7 +32,7 @@ class FrameUpload {
  private:
   void require_whole(const char* name, const std::string& bytes) const;
   RfFrame frame(const char* name, std::string& bytes) const;
-  std::size_t samples_, lines_, frame_bytes_, most_chunk_bytes_;
+  std::size_t samples_, lines_, frame_bytes_, max_chunk_bytes_;
   v1::DataType dtype_;
   std::string pre_, post_;
 };

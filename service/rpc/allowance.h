@@ -11,12 +11,12 @@ class Allowance {
  public:
   using Clock = std::chrono::steady_clock;
   explicit Allowance(double per_second, double burst_s = 0.1)
-      : per_second_(per_second), most_(std::max(1.0, per_second * burst_s)), left_(most_) {}
+      : per_second_(per_second), max_(std::max(1.0, per_second * burst_s)), left_(max_) {}
   // Uses one up, or `some`; false when fewer are left by `now`.
   bool take(Clock::time_point now, double some = 1) {
     if (now > last_) {
       const double passed_s = std::chrono::duration<double>(now - last_).count();
-      left_ = std::min(most_, left_ + passed_s * per_second_);
+      left_ = std::min(max_, left_ + passed_s * per_second_);
       last_ = now;
     }
     if (left_ < some) return false;
@@ -25,7 +25,7 @@ class Allowance {
   }
 
  private:
-  double per_second_, most_, left_;
+  double per_second_, max_, left_;
   Clock::time_point last_{};
 };
 

@@ -43,10 +43,10 @@ void require_short_headers(const grpc::ServerContextBase& context) {
   constexpr std::size_t kBeside = 32;  // as HTTP/2 counts them
   std::size_t bytes = 0;
   for (const auto& [name, value] : context.client_metadata()) bytes += name.size() + value.size() + kBeside;
-  if (bytes > kMostHeaderBytes)
+  if (bytes > kMaxHeaderBytes)
     throw Error(ErrorKind::kExhausted,
                 fmt::format("metadata: {} bytes are more than the {} that this service takes", bytes,
-                            kMostHeaderBytes));
+                            kMaxHeaderBytes));
 }
 
 }  // namespace teletact::service

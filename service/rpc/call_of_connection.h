@@ -57,7 +57,7 @@ class CountCalls final : public grpc::experimental::ServerInterceptorFactoryInte
 };
 
 // Of the headers of a call together.
-inline constexpr std::size_t kMostHeaderBytes = 8 << 10;
+inline constexpr std::size_t kMaxHeaderBytes = 8 << 10;
 // Throws Error(kExhausted) for more: gRPC announces it, and lets peers that have not confirmed so send what
 // they like.
 void require_short_headers(const grpc::ServerContextBase&);

@@ -77,18 +77,18 @@ Calls::Calls(const Limits& limits) : limits_(limits), looking_([this] { look_aft
 std::size_t Calls::most(CallKind kind) const {
   switch (kind) {
     case CallKind::kTouch:
-      return limits_.most_touch_streams;
+      return limits_.max_touch_streams;
     case CallKind::kWatch:
-      return limits_.most_watchers;
+      return limits_.max_watchers;
     case CallKind::kObserve:
-      return limits_.most_observers;
+      return limits_.max_observers;
     case CallKind::kEstimate:
-      return limits_.most_estimates;
+      return limits_.max_estimates;
     case CallKind::kUnary:
     case CallKind::kInfo:
-      return limits_.most_unary_calls;
+      return limits_.max_unary_calls;
     case CallKind::kFullScene:
-      return limits_.most_full_scenes;
+      return limits_.max_full_scenes;
   }
   return 0;
 }

@@ -83,7 +83,7 @@ CountedConnection::CountedConnection(FileDescriptor socket, std::string peer, st
     : socket_(std::move(socket)),
       peer_(std::move(peer)),
       host_(std::move(host)),
-      most_open_(limits.most_open),
+      max_open_(limits.max_open),
       may_waste_(limits.wasted) {
   socklen_t size = sizeof usual_window_bytes_;
   ::getsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &usual_window_bytes_, &size);
@@ -98,7 +98,7 @@ void CountedConnection::vouch(std::shared_ptr<const void> kept) {
 }
 
 void CountedConnection::begun() {
-  if (++open_ > most_open_) cut("calls that are reset and pile up");
+  if (++open_ > max_open_) cut("calls that are reset and pile up");
 }
 
 void CountedConnection::wasted() {
@@ -143,7 +143,7 @@ CountedConnection::Seen CountedConnection::look(Clock::time_point now) {
 void Connections::begin(std::vector<FileDescriptor> listeners, Hand hand, std::size_t largest_message_bytes) {
   listeners_ = std::move(listeners);
   hand_ = std::move(hand);
-  most_unknown_bytes_ = 2 * largest_message_bytes;
+  max_unknown_bytes_ = 2 * largest_message_bytes;
   woken_ = FileDescriptor(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
   thread_ = std::thread([this] { serve(); });
 }
@@ -219,10 +219,10 @@ void Connections::look(Clock::time_point now) {
     const double age_s = std::chrono::duration<double>(now - connection.since()).count();
     const bool grown = resident_bytes > connection.resident_bytes_then() + limits_.growth_bytes;
     const double at_once =
-        grown ? limits_.unknown_bytes_per_second : static_cast<double>(most_unknown_bytes_);
-    const double most_bytes = at_once + limits_.unknown_bytes_per_second * age_s;
+        grown ? limits_.unknown_bytes_per_second : static_cast<double>(max_unknown_bytes_);
+    const double max_bytes = at_once + limits_.unknown_bytes_per_second * age_s;
     if (!connection.vouched()) newly_received += seen.since_last_look;
-    if (!connection.vouched() && static_cast<double>(seen.received_bytes) > most_bytes)
+    if (!connection.vouched() && static_cast<double>(seen.received_bytes) > max_bytes)
       connection.cut("bytes before it has shown who it is");
     if (connection.was_cut())
       after_cut_.try_emplace(connection.host(), now, limits_.after_cut).first->second.until =
@@ -243,11 +243,11 @@ void Connections::look(Clock::time_point now) {
 Connections::Clock::duration Connections::patience() const {
   std::size_t waiting = 0;
   for (const FileDescriptor& listener : listeners_) waiting += waiting_at(listener.get());
-  const double places = static_cast<double>(limits_.most_unknown);
+  const double places = static_cast<double>(limits_.max_unknown);
   const double share = places / (places + static_cast<double>(waiting));
-  const std::chrono::duration<double, std::milli> each = share * share * limits_.least_for_showing;
+  const std::chrono::duration<double, std::milli> each = share * share * limits_.min_for_showing;
   return std::max(std::chrono::duration_cast<Clock::duration>(each),
-                  std::min<Clock::duration>(limits_.least_for_showing, limits_.least_while_many_wait));
+                  std::min<Clock::duration>(limits_.min_for_showing, limits_.min_while_many_wait));
 }
 
 // The place of one who has had its time, where none is left: the oldest of the host that has most.
@@ -267,7 +267,7 @@ bool Connections::make_room(Clock::time_point now) {
     if (!host.oldest || connection->since() < host.oldest->since()) host.oldest = connection.get();
   }
   if (now - flooded_ < limits_.none_after_flood) return false;
-  if (unknown_ < limits_.most_unknown && by_peer_.size() < limits_.most) return true;
+  if (unknown_ < limits_.max_unknown && by_peer_.size() < limits_.max) return true;
   const auto most = std::max_element(hosts.begin(), hosts.end(), [](const auto& a, const auto& b) {
     return std::pair(a.second.count, b.second.oldest->since()) <
            std::pair(b.second.count, a.second.oldest->since());

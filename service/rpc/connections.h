@@ -27,13 +27,13 @@ namespace teletact::service {
 struct ConnectionLimits {
   // Calls of a connection that are not done: gRPC admits half of it at once. More are calls that were reset
   // and pile up.
-  int most_open = 512;
+  int max_open = 512;
   // Calls of a connection that come to nothing: reset by the peer, refused for who it is, of no such method.
   Allowance wasted{200, 5};
   // Before authority: connections at once, and how long one may at least take to show who it is: the first
   // where few wait, less where more wait than there are places, down to the second.
-  std::size_t most_unknown = 256;
-  std::chrono::milliseconds least_for_showing{1000}, least_while_many_wait{100};
+  std::size_t max_unknown = 256;
+  std::chrono::milliseconds min_for_showing{1000}, min_while_many_wait{100};
   // What one may send until then: two of the largest messages, and this much a second. Only one second's
   // where the process has grown by so much since it came: gRPC holds a peer that has not confirmed the
   // settings to no number of calls, and tells nobody of those that wait for a message.
@@ -46,7 +46,7 @@ struct ConnectionLimits {
   std::chrono::milliseconds none_after_flood{100};  // come, while others wait
   // What lies between the peer and gRPC until then: once it has read some, a cut reaches the rest.
   int unknown_window_bytes = 16 << 10;
-  std::size_t most = 4096;  // connections
+  std::size_t max = 4096;  // connections
   // From a host one of whose connections was cut, others are let in this often for so long.
   Allowance after_cut{2, 1};
   std::chrono::seconds after_cut_for{10};
@@ -89,7 +89,7 @@ class CountedConnection {
   const std::string peer_, host_;
   const Clock::time_point since_ = Clock::now();
   const std::size_t resident_bytes_then_ = resident_bytes_now();
-  const int most_open_;
+  const int max_open_;
   std::atomic<int> open_{0};
   std::atomic<bool> vouched_{false}, cut_{false};
   int usual_window_bytes_ = 0;
@@ -143,7 +143,7 @@ class Connections {
 
   const ConnectionLimits limits_;
   Hand hand_;
-  std::size_t most_unknown_bytes_ = 0;
+  std::size_t max_unknown_bytes_ = 0;
   std::vector<FileDescriptor> listeners_;
   FileDescriptor woken_;
   std::atomic<bool> stop_{false};

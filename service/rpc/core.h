@@ -24,7 +24,7 @@
 namespace teletact::service {
 
 // Of each device: the smallest one says.
-inline std::uint64_t least_memory_bytes(const std::vector<std::shared_ptr<Device>>& devices) {
+inline std::uint64_t min_memory_bytes(const std::vector<std::shared_ptr<Device>>& devices) {
   std::uint64_t least = UINT64_MAX;
   for (const auto& device : devices) least = std::min(least, device->info().global_memory_bytes);
   return least;
@@ -59,7 +59,7 @@ struct Core {
        std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr,
        bool standby = false, SlowTimes slow = {}, const ConnectionLimits& connections_ = {})
       : devices(devices_.begin(), devices_.end()),
-        limits(resolved(asked_for, host_memory_bytes(), least_memory_bytes(devices_))),
+        limits(resolved(asked_for, host_memory_bytes(), min_memory_bytes(devices_))),
         instance(instance_),
         memory(std::make_shared<MemoryBudget>(limits, devices.size())),
         models(std::move(models_)),

@@ -26,7 +26,7 @@ JobTerms::Time deadline_of(const grpc::CallbackServerContext& context) {
 EstimateReactor::EstimateReactor(Core& core, grpc::CallbackServerContext* context)
     : ServedCall(core, context, "teletact.v1.Elastography/Estimate"),
       core_(core),
-      whole_upload_s_(core.limits.least_upload_s) {}
+      whole_upload_s_(core.limits.min_upload_s) {}
 
 EstimateReactor* EstimateReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<EstimateReactor>(core, context), CallKind::kEstimate,
@@ -59,13 +59,13 @@ void EstimateReactor::receive() {
     core_.imaging.require_device();
     request_ = request_from(message_.acquisition(), core_.scenes, limits);
     core_.imaging.lane_for(*request_, terms()).refuse_the_hopeless(*request_, terms());
-    upload_.emplace(*request_, message_.acquisition().dtype(), limits.most_chunk_bytes);
+    upload_.emplace(*request_, message_.acquisition().dtype(), limits.max_chunk_bytes);
     // As it comes, and as samples.
     upload_bytes_ = core_.account(client_of(*context_))
                         .charge(Place::kHost, "uploads",
                                 2 * (upload_->frame_bytes() + sizeof(float) * request_->samples()));
     const std::lock_guard lock(mutex_);
-    whole_upload_s_ += 2 * static_cast<double>(upload_->frame_bytes()) / limits.least_upload_rate;
+    whole_upload_s_ += 2 * static_cast<double>(upload_->frame_bytes()) / limits.min_upload_rate;
     return;
   }
   if (!message_.has_chunk())

@@ -42,7 +42,7 @@ void FreeMemory::look() {
   const auto heap = ::mallinfo2();
   const std::size_t used = heap.uordblks + heap.hblkhd;
   unused_bytes_ = std::min(unused_bytes_, unused_bytes(used));
-  if (heap.fordblks < kLeastBytes || unused_bytes(used) < unused_bytes_ + kLeastBytes) return;
+  if (heap.fordblks < kMinBytes || unused_bytes(used) < unused_bytes_ + kMinBytes) return;
   ::malloc_trim(0);
   unused_bytes_ = unused_bytes(used);  // of then: what was freed meanwhile is still to be given back
 }

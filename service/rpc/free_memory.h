@@ -13,7 +13,7 @@ std::size_t resident_bytes_now();
 
 class FreeMemory {
  public:
-  static constexpr std::size_t kLeastBytes = std::size_t{64} << 20;
+  static constexpr std::size_t kMinBytes = std::size_t{64} << 20;
   static constexpr std::chrono::seconds kLook{10};
 
   explicit FreeMemory(std::chrono::milliseconds between = kLook);

@@ -89,12 +89,12 @@ ExplicitModulus grid_from(const v1::ModulusMap& in) {
 
 ExplicitModulus modulus_from(const v1::ModulusMap& in, const Limits& limits) {
   ExplicitModulus e = grid_from(in);
-  const std::size_t most_elements = e.solid() ? limits.most_solid_elements : limits.most_scene_elements;
+  const std::size_t max_elements = e.solid() ? limits.max_solid_elements : limits.max_scene_elements;
   const std::size_t columns = intervals(in.x_m_size()), rows = intervals(in.y_m_size()), slices = e.slices();
-  if (rows > most_elements / columns || slices > most_elements / columns / rows)
+  if (rows > max_elements / columns || slices > max_elements / columns / rows)
     throw Error(ErrorKind::kExhausted,
                 fmt::format("modulus: {} x {} x {} elements, at most {} are allowed; use a coarser grid",
-                            columns, rows, slices, most_elements));
+                            columns, rows, slices, max_elements));
   std::vector<std::size_t> shape{rows, columns};
   if (e.solid()) shape.insert(shape.begin(), slices);
   e.youngs_modulus_pa = values_from("modulus.youngs_modulus_pa", in.youngs_modulus_pa(), shape);

@@ -37,7 +37,7 @@ void touch_to(const ObservedTouch& in, std::uint64_t instance, v1::TouchAnswer* 
 }  // namespace
 
 ObserveReactor::ObserveReactor(Core& core, NicedWorker& copying, grpc::CallbackServerContext* context)
-    : ServedStream(core, context, Allowance(2 * core.limits.most_observe_rate_hz)),
+    : ServedStream(core, context, Allowance(2 * core.limits.max_observe_rate_hz)),
       core_(core),
       copying_(copying) {}
 
@@ -68,7 +68,7 @@ void ObserveReactor::open(const v1::ObserveOpen& open) {
   const auto scene = core_.scenes.find(open.scene_id());
   news_ = std::make_unique<SceneNews>(core_, copying_, scene, client_of(*context_), open);
   onlooker_ = std::make_unique<Onlooker>(
-      scene, Onlooker::Wishes{open.answers(), open.surface(), open.session_id(), open.most_rate_hz()});
+      scene, Onlooker::Wishes{open.answers(), open.surface(), open.session_id(), open.max_rate_hz()});
   opened_ = true;
   spdlog::info("event=observe_opened stream={} scene={} peer={}", id(), scene->id(), context_->peer());
 }

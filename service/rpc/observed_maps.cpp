@@ -99,15 +99,15 @@ bool ObservedMaps::images(const SceneSnapshot& snapshot, std::size_t& room, Part
   return more;
 }
 
-std::size_t ObservedMaps::most_bytes(const SceneSnapshot& snapshot, const SceneGeometry& geometry) {
+std::size_t ObservedMaps::max_bytes(const SceneSnapshot& snapshot, const SceneGeometry& geometry) {
   std::size_t image = 0;
   for (const auto& window : snapshot.windows)
     if (window->b_mode) image = std::max(image, window->b_mode->grey.size());
-  return kMostBytes + CellBlocks::kColumns * cells_of(snapshot, geometry).ny * CellView::kCellBytes + image;
+  return kMaxBytes + CellBlocks::kColumns * cells_of(snapshot, geometry).ny * CellView::kCellBytes + image;
 }
 
 bool ObservedMaps::next(const SceneSnapshot& snapshot, const SceneGeometry& geometry, Parts* out) {
-  std::size_t room = kMostBytes;
+  std::size_t room = kMaxBytes;
   const bool more_cells = cells(snapshot, geometry, room, out);
   return images(snapshot, room, out) || more_cells;
 }

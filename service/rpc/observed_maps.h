@@ -1,5 +1,5 @@
 // What one who looks on has of a scene's maps, and what is new of them: in parts, so that a message holds no
-// more than about kMostBytes of them, and nothing is sent twice. Not thread-safe.
+// more than about kMaxBytes of them, and nothing is sent twice. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@ namespace v1 = ::teletact::v1;
 
 class ObservedMaps {
  public:
-  static constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+  static constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
 
   // Throws std::invalid_argument for a name that no map has, or that stands twice.
   explicit ObservedMaps(const google::protobuf::RepeatedPtrField<std::string>& names);
-  // Of a message at most: a block of columns and an image may go beyond kMostBytes.
-  static std::size_t most_bytes(const SceneSnapshot&, const SceneGeometry&);
+  // Of a message at most: a block of columns and an image may go beyond kMaxBytes.
+  static std::size_t max_bytes(const SceneSnapshot&, const SceneGeometry&);
   // The parts of this snapshot that are new, as many as a message holds. True: there are more.
   bool next(const SceneSnapshot&, const SceneGeometry&,
             google::protobuf::RepeatedPtrField<v1::ObservedMap>* out);

@@ -151,9 +151,9 @@ HealthService::Status HealthService::of(const std::string& service) {
 
 void HealthService::join(const std::shared_ptr<HealthWatch>& watch) {
   const std::lock_guard lock(mutex_);
-  if (watches_.size() >= kMostWatches)
+  if (watches_.size() >= kMaxWatches)
     throw Error(ErrorKind::kExhausted,
-                fmt::format("all {} places for watches of health are taken; ask with Check", kMostWatches));
+                fmt::format("all {} places for watches of health are taken; ask with Check", kMaxWatches));
   watches_.insert(watch);
 }
 

@@ -28,7 +28,7 @@ class HealthService final : public grpc::Service {
   using Request = google::protobuf::StringValue;
   using Response = google::protobuf::Int32Value;
   enum Status { kServing = 1, kNotServing = 2, kServiceUnknown = 3 };
-  static constexpr std::size_t kMostWatches = 256;
+  static constexpr std::size_t kMaxWatches = 256;
 
   HealthService();
   void set(const std::string& service, bool serving);

@@ -44,7 +44,7 @@ void SceneNews::Work::make() {
   const auto snapshot = scene->snapshot();
   Charge held = account.charge(
       Place::kHost, "answers",
-      scene_bytes(*scene, v1::SCENE_VIEW_BASIC) + 2 * ObservedMaps::most_bytes(*snapshot, scene->geometry()));
+      scene_bytes(*scene, v1::SCENE_VIEW_BASIC) + 2 * ObservedMaps::max_bytes(*snapshot, scene->geometry()));
   v1::Observation next;
   if (windows && (std::exchange(first, false) || version != snapshot->version))
     scene_to(*scene, v1::SCENE_VIEW_BASIC, instance, next.mutable_scene());

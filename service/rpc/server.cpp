@@ -22,10 +22,10 @@ namespace teletact::service {
 
 namespace {
 
-constexpr int kMostCallsPerConnection = 256;                       // more wait in the client
+constexpr int kMaxCallsPerConnection = 256;                       // more wait in the client
 constexpr int kHandshakeMs = 10'000, kIdleConnectionMs = 300'000;  // a connection without calls
 // Of a connection at once, first and most: others take turns, and it can be cut.
-constexpr int kFirstReadBytes = 2 << 10, kMostReadBytes = 64 << 10;
+constexpr int kFirstReadBytes = 2 << 10, kMaxReadBytes = 64 << 10;
 constexpr int kKeepaliveTimeMs = 10'000, kKeepaliveTimeoutMs = 5'000;
 
 const char* const kServices[] = {"teletact.v1.Info", "teletact.v1.Elastography", "teletact.v1.Palpation"};
@@ -36,10 +36,10 @@ std::uint64_t random_instance() {
 }
 
 // A chunk, or a modulus map with its nodes, and its envelope.
-int most_message_bytes(const Limits& limits) {
+int max_message_bytes(const Limits& limits) {
   constexpr std::uint64_t kEnvelope = 1 << 20, kPerElement = 2 * sizeof(double);
   return static_cast<int>(kEnvelope +
-                          std::max(limits.most_chunk_bytes, kPerElement * limits.most_scene_elements));
+                          std::max(limits.max_chunk_bytes, kPerElement * limits.max_scene_elements));
 }
 
 // A message of a thousandth of its size would be inflated before anything is asked about it.
@@ -50,7 +50,7 @@ void refuse_compressed(grpc::ServerBuilder& builder) {
 }
 
 void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
-  builder.SetMaxReceiveMessageSize(most_message_bytes(limits));
+  builder.SetMaxReceiveMessageSize(max_message_bytes(limits));
   builder.SetMaxSendMessageSize(-1);  // maps are as large as the frames that were allowed in
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveTimeMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
@@ -59,15 +59,15 @@ void set_limits(grpc::ServerBuilder& builder, const Limits& limits) {
   // connections. They count as bytes.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 0);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMostCallsPerConnection);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxCallsPerConnection);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeMs);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleConnectionMs);
-  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, static_cast<int>(kMostHeaderBytes));
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, static_cast<int>(kMaxHeaderBytes));
   builder.AddChannelArgument(GRPC_ARG_TCP_READ_CHUNK_SIZE, kFirstReadBytes);
-  builder.AddChannelArgument(GRPC_ARG_TCP_MAX_READ_CHUNK_SIZE, kMostReadBytes);
+  builder.AddChannelArgument(GRPC_ARG_TCP_MAX_READ_CHUNK_SIZE, kMaxReadBytes);
   refuse_compressed(builder);
   grpc::ResourceQuota quota("teletact");
-  quota.SetMaxThreads(static_cast<int>(limits.most_threads));
+  quota.SetMaxThreads(static_cast<int>(limits.max_threads));
   builder.SetResourceQuota(quota);
 }
 
@@ -120,7 +120,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
         taken.fd = socket;
         acceptor_->HandleNewConnection(&taken);
       },
-      static_cast<std::size_t>(most_message_bytes(core_->limits)));
+      static_cast<std::size_t>(max_message_bytes(core_->limits)));
 }
 
 Server::~Server() {

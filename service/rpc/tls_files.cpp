@@ -20,7 +20,7 @@ namespace {
 std::string read_pem(const char* flag, const std::filesystem::path& path) {
   std::string text;
   try {
-    text = read_small_file(path, TlsFiles::kMostBytes);
+    text = read_small_file(path, TlsFiles::kMaxBytes);
   } catch (const UnreadFile& error) {
     throw std::runtime_error(
         fmt::format("{} {}: cannot be read ({}); give a PEM file", flag, path.string(), error.what()));

@@ -17,7 +17,7 @@ namespace teletact::service {
 
 class TlsFiles {
  public:
-  static constexpr std::size_t kMostBytes = std::size_t{1} << 20;  // of each
+  static constexpr std::size_t kMaxBytes = std::size_t{1} << 20;  // of each
 
   // Throws std::runtime_error, one line with the flag, for files that cannot be read or do not fit.
   // `between`: two looks.

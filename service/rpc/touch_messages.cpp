@@ -103,9 +103,9 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
 
 FingerPose pose_from(const v1::ContactPose& in) {
   Vector3 position_m = vector_from("pose.position_m", in.position_m(), false);
-  constexpr double kLeastM = 1e-12;  // energies of less underflow, and errors relative to them are not finite
+  constexpr double kMinM = 1e-12;  // energies of less underflow, and errors relative to them are not finite
   for (double& x_m : position_m)
-    if (std::abs(x_m) < kLeastM) x_m = 0;
+    if (std::abs(x_m) < kMinM) x_m = 0;
   return {in.sequence(),
           in.acknowledged(),
           position_m,

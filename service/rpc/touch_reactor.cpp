@@ -33,7 +33,7 @@ TouchQueue::Principal principal_of(const TouchWishes& wishes) {
 }  // namespace
 
 TouchReactor::TouchReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedStream(core, context, Allowance(2 * core.limits.most_touch_rate_hz)), core_(core) {}
+    : ServedStream(core, context, Allowance(2 * core.limits.max_touch_rate_hz)), core_(core) {}
 
 TouchReactor* TouchReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<TouchReactor>(core, context), CallKind::kTouch,

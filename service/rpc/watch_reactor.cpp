@@ -10,7 +10,7 @@
 namespace teletact::service {
 
 WatchReactor::WatchReactor(Core& core, grpc::CallbackServerContext* context)
-    : ServedStream(core, context, Allowance(2 * core.limits.most_finger_rate_hz)), core_(core) {}
+    : ServedStream(core, context, Allowance(2 * core.limits.max_finger_rate_hz)), core_(core) {}
 
 WatchReactor* WatchReactor::serve(Core& core, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<WatchReactor>(core, context), CallKind::kWatch);

@@ -9,14 +9,14 @@
 namespace teletact::service {
 
 void validate(const SceneGeometry& g, const Limits& limits) {
-  require_between("geometry.size_m[0]", g.width_m, limits.least_scene_m, limits.most_scene_width_m,
+  require_between("geometry.size_m[0]", g.width_m, limits.min_scene_m, limits.max_scene_width_m,
                   "give the tissue's width in metres");
-  require_between("geometry.size_m[1]", g.depth_m, limits.least_scene_m, limits.most_scene_depth_m,
+  require_between("geometry.size_m[1]", g.depth_m, limits.min_scene_m, limits.max_scene_depth_m,
                   "give the tissue's depth in metres");
   if (!(g.poisson_ratio >= 0 && g.poisson_ratio < 0.5))
     throw std::invalid_argument(fmt::format(
         "geometry.poisson_ratio: {} is not within [0, 0.5); soft tissue is about 0.49", g.poisson_ratio));
-  require_between("geometry.thickness_m", g.thickness_m, limits.least_thickness_m, limits.most_thickness_m,
+  require_between("geometry.thickness_m", g.thickness_m, limits.min_thickness_m, limits.max_thickness_m,
                   "give the finger's out-of-plane contact width in metres");
   const Supports& s = g.supports;
   const auto fixed = [](EdgeSupport e) { return e == EdgeSupport::kFixed; };

@@ -49,14 +49,14 @@ void check_slices(const ExplicitModulus& e) {
 }  // namespace
 
 void check_modulus(const ExplicitModulus& e, const SceneGeometry& geometry, const Limits& limits) {
-  check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.most_scene_columns);
-  check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.most_scene_elements + 1);
+  check_axis("modulus.x_m", e.x_m, geometry.width_m, limits.max_scene_columns);
+  check_axis("modulus.y_m", e.y_m, geometry.depth_m, limits.max_scene_elements + 1);
   if (!e.solid() && e.y_m.front() != 0)
     throw std::invalid_argument(fmt::format(
         "modulus.y_m[0]: {} m; depth begins at 0 exactly, the surface of the tissue", e.y_m.front()));
-  if (e.solid()) check_nodes("modulus.z_m", e.z_m, limits.most_scene_columns);
+  if (e.solid()) check_nodes("modulus.z_m", e.z_m, limits.max_scene_columns);
   const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1) * e.slices();
-  const std::size_t most = e.solid() ? limits.most_solid_elements : limits.most_scene_elements;
+  const std::size_t most = e.solid() ? limits.max_solid_elements : limits.max_scene_elements;
   if (elements > most)
     throw Error(
         ErrorKind::kExhausted,

@@ -69,7 +69,7 @@ class PlaneModels final : public TouchModels {
   std::shared_ptr<const TouchModel> renewed(const TouchModel& model,
                                             const MemoryAccount& account) const override {
     const auto* solid = dynamic_cast<const SolidTouchModel*>(&model);
-    return solid && solid->drift() > choices::kMostDrift ? solid->renewed(account) : nullptr;
+    return solid && solid->drift() > choices::kMaxDrift ? solid->renewed(account) : nullptr;
   }
 
   void warm(const std::shared_ptr<Device>& device) const override { warm_iterative(device); }

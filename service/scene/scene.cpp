@@ -307,11 +307,11 @@ std::vector<std::shared_ptr<const WindowModel>> Scene::make_room(const SceneSnap
       if (other != candidate) rest.push_back(other->region);
     if (covers(std::move(rest), candidate->region)) std::erase(others, candidate);
   }
-  if (others.size() >= limits_.most_windows)
+  if (others.size() >= limits_.max_windows)
     throw Error(ErrorKind::kExhausted,
                 fmt::format("publish: scene {} has {} windows already; delete the scene or "
                             "publish at the windows' places",
-                            id_, limits_.most_windows));
+                            id_, limits_.max_windows));
   if (window.id == 0) window.id = next_window_id_;
   return others;
 }

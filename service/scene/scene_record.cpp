@@ -19,7 +19,7 @@ using nlohmann::json;
 
 namespace {
 
-constexpr std::size_t kMostImageNodes = std::size_t{1} << 14;  // of a B-mode image, a side
+constexpr std::size_t kMaxImageNodes = std::size_t{1} << 14;  // of a B-mode image, a side
 
 // 1 had neither evidence nor deviations, 2 no slices, 3 none that state deviations; they are still read. What
 // has no slices is written as 2, what states no deviations of them as 3.
@@ -109,7 +109,7 @@ std::shared_ptr<const BMode> b_mode_from(const json& j, std::string_view& rest) 
        j.at("spacing_m").at(1)};
   const bool placed = std::isfinite(g.origin_x_m) && std::isfinite(g.origin_y_m) && std::isfinite(g.dx_m) &&
                       std::isfinite(g.dy_m) && g.dx_m > 0 && g.dy_m > 0;
-  if (g.nx < 2 || g.ny < 2 || g.nx > kMostImageNodes || g.ny > kMostImageNodes || !placed)
+  if (g.nx < 2 || g.ny < 2 || g.nx > kMaxImageNodes || g.ny > kMaxImageNodes || !placed)
     throw std::runtime_error("b_mode: no grid of an image");
   image->grey = take<std::uint8_t>(rest, g.size());
   return image;

@@ -95,9 +95,9 @@ std::string Scenes::reserve(const std::string& wanted_id) {
   if (scenes_.contains(id) || being_made_.contains(id))
     throw Error(ErrorKind::kAlreadyExists,
                 fmt::format("scene_id: {} is taken; delete that scene or choose another id", id));
-  if (scenes_.size() + being_made_.size() >= limits_.most_scenes)
+  if (scenes_.size() + being_made_.size() >= limits_.max_scenes)
     throw Error(ErrorKind::kExhausted,
-                fmt::format("{} scenes exist, no more are allowed; delete one", limits_.most_scenes));
+                fmt::format("{} scenes exist, no more are allowed; delete one", limits_.max_scenes));
   being_made_.insert(id);
   return id;
 }

@@ -43,11 +43,11 @@ void check(const std::string& field, const ModulusSlice& slice, const ExplicitMo
   if (!deviation.empty() && deviation.size() != elements)
     throw std::invalid_argument(
         fmt::format("{}: {} values for {} elements", of_deviation, deviation.size(), elements));
-  constexpr double kMost = 10;
+  constexpr double kMax = 10;
   for (std::size_t n = 0; n < deviation.size(); ++n)
-    if (!(deviation[n] >= 0 && deviation[n] <= kMost))
+    if (!(deviation[n] >= 0 && deviation[n] <= kMax))
       throw std::invalid_argument(
-          fmt::format("{}[{}]: {} is not within [0, {}]", of_deviation, n, deviation[n], kMost));
+          fmt::format("{}[{}]: {} is not within [0, {}]", of_deviation, n, deviation[n], kMax));
 }
 
 // Puts a slice's values among the others', at `slice` of theirs.
@@ -131,11 +131,11 @@ FeltVariance felt_variance(const ExplicitModulus& e, double x_m, double depth_m,
 
 void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits& limits) {
   const std::size_t plane = (grid.x_m.size() - 1) * (grid.y_m.size() - 1);
-  if (slices > limits.most_solid_elements / plane)
+  if (slices > limits.max_solid_elements / plane)
     throw Error(ErrorKind::kExhausted,
                 fmt::format("slices: {} of {} elements, at most {} in all are allowed; use a coarser grid or "
                             "fewer slices",
-                            slices, plane, limits.most_solid_elements));
+                            slices, plane, limits.max_solid_elements));
 }
 
 }  // namespace
@@ -209,15 +209,15 @@ std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, d
 
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>& e, double x_m,
                                        double z_m) {
-  constexpr std::size_t kMostEachSide = 16;
+  constexpr std::size_t kMaxEachSide = 16;
   std::vector<SliceBeside> beside;
   const auto inside = [](const std::vector<double>& nodes_m, double at_m) {
     return at_m >= nodes_m.front() && at_m <= nodes_m.back();
   };
   std::size_t first_behind = 0;
   while (first_behind < e->slices() && e->slice_m(first_behind) < z_m) ++first_behind;
-  const std::size_t begin = first_behind - std::min(first_behind, kMostEachSide),
-                    end = std::min(e->slices(), first_behind + kMostEachSide + 1);
+  const std::size_t begin = first_behind - std::min(first_behind, kMaxEachSide),
+                    end = std::min(e->slices(), first_behind + kMaxEachSide + 1);
   for (std::size_t n = begin; n < end; ++n)
     if (const double offset_m = e->slice_m(n) - z_m; std::abs(offset_m) > kSameSliceM)
       beside.push_back(

@@ -31,28 +31,28 @@ double spacing_of(const std::vector<double>& nodes_m, const char* field) {
 std::size_t padded(std::size_t given, double spacing_m, const char* field) {
   const auto around = static_cast<std::size_t>(std::ceil(choices::kSolidPadding / spacing_m));
   const std::size_t columns = std::bit_ceil(given + around);
-  constexpr std::size_t kMost = 512;
-  if (columns > kMost)
+  constexpr std::size_t kMax = 512;
+  if (columns > kMax)
     throw std::invalid_argument(
         fmt::format("{}: {} columns and {} around them are more than {}; use a coarser grid", field, given,
-                    around, kMost));
+                    around, kMax));
   return columns;
 }
 
 // What a block may take: its own elements, and columns of the tissue that is so wide that its period is not
 // felt (SolidContact).
 void require_modelled(const SolidGrid& grid) {
-  if (grid.layers() > choices::kMostBlockElements / grid.columns())
+  if (grid.layers() > choices::kMaxBlockElements / grid.columns())
     throw std::invalid_argument(fmt::format(
         "modulus: {} x {} x {} elements with the tissue around them, at most {} are modelled; use a "
         "coarser grid",
-        grid.nx, grid.layers(), grid.nz, choices::kMostBlockElements));
-  const double period_m = choices::kLeastPeriod * grid.y_m.back();
-  if (period_m > choices::kMostWideColumns * grid.spacing_x_m)
+        grid.nx, grid.layers(), grid.nz, choices::kMaxBlockElements));
+  const double period_m = choices::kMinPeriod * grid.y_m.back();
+  if (period_m > choices::kMaxWideColumns * grid.spacing_x_m)
     throw std::invalid_argument(
         fmt::format("modulus.x_m: {} m between nodes is too fine for tissue {} m deep", grid.spacing_x_m,
                     grid.y_m.back()));
-  if (period_m > choices::kMostWideColumns * grid.spacing_z_m)
+  if (period_m > choices::kMaxWideColumns * grid.spacing_z_m)
     throw std::invalid_argument(
         fmt::format("modulus.z_m: {} m between nodes is too fine for tissue {} m deep", grid.spacing_z_m,
                     grid.y_m.back()));

@@ -23,7 +23,7 @@ namespace {
 constexpr std::size_t kLongest = 500;  // of what the log says of a file's text
 const std::string kGone = "deleted-";  // scenes on their way out
 constexpr const char* kAside = "set-aside";
-constexpr std::uint64_t kMostVersionBytes = 1000;
+constexpr std::uint64_t kMaxVersionBytes = 1000;
 
 std::uint64_t version_in(const std::string& text) {
   const json first = json::parse(text).at("first_unused");
@@ -56,7 +56,7 @@ StateStore::StateStore(const fs::path& directory, const Limits& limits, std::sha
     const fs::path versions = directory_ / "versions.json";
     try {
       if (files_->exists(versions) || !files_->list(scenes_).empty())
-        first_version_ = version_in(files_->read(versions, kMostVersionBytes));
+        first_version_ = version_in(files_->read(versions, kMaxVersionBytes));
     } catch (const std::exception& e) {
       // Go on far beyond what any scene can have used.
       first_version_ = static_cast<std::uint64_t>(std::time(nullptr)) * kVersionBlock;

@@ -200,12 +200,12 @@ std::vector<float> StitchedMap::resample(const WindowEstimate& w, std::size_t fi
     }
   }
   if (measured == 0 ||
-      static_cast<double>(measured) < choices::kLeastMeasuredShare * static_cast<double>(in_image))
+      static_cast<double>(measured) < choices::kMinMeasuredShare * static_cast<double>(in_image))
     throw Error(
         ErrorKind::kPrecondition,
         fmt::format("only {} of the window's {} cells have a valid modulus (at least {:.0f} % are needed); "
                     "acquire the window again",
-                    measured, in_image, 100 * choices::kLeastMeasuredShare));
+                    measured, in_image, 100 * choices::kMinMeasuredShare));
   return cells;
 }
 

@@ -13,8 +13,8 @@ std::vector<double> work_of_elements(const SolidTissue& tissue, const std::vecto
   const SolidGrid& grid = tissue.grid;
   const std::size_t nx = grid.nx, nz = grid.nz, columns = grid.columns();
   using Moved = Eigen::Matrix<double, 24, Eigen::Dynamic>;  // of the elements of a line along x
-  const std::size_t most_x = mirrored ? (nx + 1) / 2 : nx, most_z = mirrored ? (nz + 1) / 2 : nz;
-  const auto line = static_cast<Eigen::Index>(most_x);
+  const std::size_t max_x = mirrored ? (nx + 1) / 2 : nx, max_z = mirrored ? (nz + 1) / 2 : nz;
+  const auto line = static_cast<Eigen::Index>(max_x);
   Moved moved_u = Moved::Zero(24, line), moved_z = moved_u;
   const auto gather = [&](const std::vector<T>& field, std::size_t j, std::size_t k, Moved& moved) {
     for (std::size_t corner = 0; corner < 8; ++corner) {
@@ -26,7 +26,7 @@ std::vector<double> work_of_elements(const SolidTissue& tissue, const std::vecto
           continue;
         }
         const T* plane = field.data() + (3 * row + c) * columns + at;
-        for (std::size_t x = 0; x < most_x; ++x)
+        for (std::size_t x = 0; x < max_x; ++x)
           of_corner[static_cast<Eigen::Index>(x)] = static_cast<double>(plane[(x + corner % 2) % nx]);
       }
     }
@@ -35,16 +35,16 @@ std::vector<double> work_of_elements(const SolidTissue& tissue, const std::vecto
   for (std::size_t j = 0; j < grid.layers(); ++j) {
     const HexahedronMatrix stiffness = hexahedron_stiffness(grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j],
                                                             grid.spacing_z_m, tissue.poisson_ratio);
-    for (std::size_t k = 0; k < most_z; ++k) {
+    for (std::size_t k = 0; k < max_z; ++k) {
       look();
       gather(u, j, k, moved_u);
       gather(z, j, k, moved_z);
       const std::size_t first = (j * nz + k) * nx;
       const Eigen::RowVectorXd sum = moved_z.cwiseProduct(stiffness * moved_u).colwise().sum();
-      for (std::size_t x = 0; x < most_x; ++x)
+      for (std::size_t x = 0; x < max_x; ++x)
         work[first + x] = tissue.youngs_modulus_pa[first + x] * sum[static_cast<Eigen::Index>(x)];
       if (!mirrored) continue;
-      for (std::size_t x = 0; x < most_x; ++x) work[first + nx - 1 - x] = work[first + x];
+      for (std::size_t x = 0; x < max_x; ++x) work[first + nx - 1 - x] = work[first + x];
       std::copy_n(work.begin() + static_cast<long>(first), nx,
                   work.begin() + static_cast<long>((j * nz + nz - 1 - k) * nx));
     }

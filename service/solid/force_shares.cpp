@@ -52,7 +52,7 @@ FeltForce::FeltForce(const SolidGrid& grid, std::vector<double> radius_m,
   for (double& a : log_radius_) a = std::log(a);
 }
 
-double FeltForce::most_log_variance(double radius_m) const {
+double FeltForce::max_log_variance(double radius_m) const {
   const auto above = static_cast<std::size_t>(std::ranges::lower_bound(log_radius_, std::log(radius_m)) -
                                               log_radius_.begin());
   const std::size_t last = log_radius_.size() - 1;

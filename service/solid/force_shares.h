@@ -27,7 +27,7 @@ class FeltForce {
   FeltForce(const SolidGrid&, std::vector<double> radius_m, std::vector<Eigen::VectorXd> log_mean,
             std::vector<Eigen::VectorXd> log_variance);
   // Over all nodes, of contacts of the table's radii on both sides of this one.
-  double most_log_variance(double radius_m) const;
+  double max_log_variance(double radius_m) const;
   // About (x, z) of the block, for contacts of this radius, the next one of the table beyond its ends.
   // Smooth: cubics through the nodes and over ln a.
   At at(double x_m, double z_m, double radius_m) const;

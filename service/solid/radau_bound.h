@@ -8,8 +8,8 @@ namespace teletact::service {
 
 class RadauBound {
  public:
-  // `least_eigenvalue`: at most the smallest one of M^-1 A, > 0.
-  explicit RadauBound(double least_eigenvalue) : mu_(least_eigenvalue), gamma_(1 / least_eigenvalue) {}
+  // `min_eigenvalue`: at most the smallest one of M^-1 A, > 0.
+  explicit RadauBound(double min_eigenvalue) : mu_(min_eigenvalue), gamma_(1 / min_eigenvalue) {}
   // After a step alpha from an iterate with r.z = rho to one with `next_rho`.
   void step(double alpha, double rho, double next_rho) {
     const double rest = gamma_ - alpha;

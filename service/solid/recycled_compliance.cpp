@@ -8,7 +8,7 @@ namespace teletact::service {
 namespace {
 
 // Of a pair's forces, what must be new beyond those kept: less would magnify what its excess is off by.
-constexpr double kLeastNew = 1e-2;
+constexpr double kMinNew = 1e-2;
 // What dS may be beyond the pairs, over the most of what shares of energy let it be that it was found to be
 // so far; and what is added to the latter: what lies far away is in no share.
 constexpr double kBeyond = 0.7, kFloor = 2e-3;
@@ -20,7 +20,7 @@ constexpr double kMostlyNew = 0.25;
 RecycledCompliance::RecycledCompliance(const SolidGrid& grid, const LayeredTissue& tissue, std::size_t first,
                                        std::size_t count, const SurfaceCompliance& wide,
                                        const SurfaceCompliance& smooth, const SurfaceCompliance& periodic,
-                                       double scale, std::size_t most_pairs)
+                                       double scale, std::size_t max_pairs)
     : grid_(grid),
       first_(first),
       count_(count),
@@ -29,7 +29,7 @@ RecycledCompliance::RecycledCompliance(const SolidGrid& grid, const LayeredTissu
       wide_(wide),
       smooth_(smooth),
       periodic_(periodic),
-      most_pairs_(most_pairs) {}
+      max_pairs_(max_pairs) {}
 
 std::vector<Eigen::Index> RecycledCompliance::places(const std::vector<std::size_t>& unknowns) const {
   std::vector<Eigen::Index> out;
@@ -91,9 +91,9 @@ void RecycledCompliance::add(const std::vector<std::size_t>& unknowns, const Eig
   const Eigen::VectorXd share = q.transpose() * force_n;
   const Eigen::VectorXd known = e * share + q * (e.transpose() * force_n - core_ * share);
   pair.share = (pair.excess(at) - known).norm() / (pair.guess(at) - g * share).norm() /
-               (kFloor + most_beyond(unknowns, force_n));
+               (kFloor + max_beyond(unknowns, force_n));
   pairs_.push_front(std::make_shared<const Pair>(std::move(pair)));
-  if (pairs_.size() > most_pairs_) pairs_.pop_back();
+  if (pairs_.size() > max_pairs_) pairs_.pop_back();
   orthonormalise();
 }
 
@@ -107,7 +107,7 @@ void RecycledCompliance::orthonormalise() {
     for (Eigen::Index c = 0; c < n; ++c) among[c] = kept[static_cast<std::size_t>(c)]->force.dot(pair->force);
     const Eigen::VectorXd share = basis.transpose() * among;
     const double squares = pair->force.squaredNorm(), rest = squares - share.squaredNorm();
-    if (!(rest >= kLeastNew * kLeastNew * squares)) continue;
+    if (!(rest >= kMinNew * kMinNew * squares)) continue;
     basis.conservativeResizeLike(Eigen::MatrixXd::Zero(n + 1, n + 1));
     basis.col(n).head(n) = -(basis.topLeftCorner(n, n) * share);
     basis(n, n) = 1;
@@ -170,7 +170,7 @@ Eigen::VectorXd RecycledCompliance::wider_m(const std::vector<std::size_t>& unkn
 }
 
 // Where p presses.
-double RecycledCompliance::most_beyond(const std::vector<std::size_t>& unknowns,
+double RecycledCompliance::max_beyond(const std::vector<std::size_t>& unknowns,
                                        const Eigen::VectorXd& p) const {
   if (!felt_) return largest_;
   double most = 0;
@@ -183,7 +183,7 @@ double RecycledCompliance::most_beyond(const std::vector<std::size_t>& unknowns,
 Eigen::VectorXd RecycledCompliance::error_between(const std::vector<std::size_t>& unknowns,
                                                   const Eigen::MatrixXd& a, const Eigen::VectorXd& b) const {
   const Eigen::MatrixXd g = guess_among(unknowns);
-  double most = most_beyond(unknowns, b);
+  double most = max_beyond(unknowns, b);
   const auto at = places(unknowns);
   const Eigen::MatrixXd q = columns(&Pair::force, at) * basis_, l = columns(&Pair::guess, at) * basis_;
   const auto beyond = [&](const Eigen::VectorXd& v) {  // the pairs: its norm by G

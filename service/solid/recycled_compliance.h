@@ -27,7 +27,7 @@ class RecycledCompliance {
   // factor's layers, which the tissue's may have left: S0 is `scale` times that (T8.7). They must outlive it.
   RecycledCompliance(const SolidGrid&, const LayeredTissue&, std::size_t first, std::size_t count,
                      const SurfaceCompliance& wide, const SurfaceCompliance& smooth,
-                     const SurfaceCompliance& periodic, double scale = 1, std::size_t most_pairs = 12);
+                     const SurfaceCompliance& periodic, double scale = 1, std::size_t max_pairs = 12);
   // From now on the guess is scaled by this; pairs there are none yet.
   void feel(std::shared_ptr<const FeltModulus> felt) { felt_ = std::move(felt); }
   // Forces of unknowns of the surface (SurfacePatch) and their excess beyond the factor's layered tissue.
@@ -64,14 +64,14 @@ class RecycledCompliance {
   Eigen::MatrixXd columns(Eigen::VectorXd Pair::*, const std::vector<Eigen::Index>& at) const;
   Eigen::VectorXd scale_at(const std::vector<std::size_t>& unknowns) const;  // D
   Eigen::MatrixXd guess_among(const std::vector<std::size_t>& unknowns) const;
-  double most_beyond(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p) const;
+  double max_beyond(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p) const;
   void orthonormalise();
   SolidGrid grid_;
   std::size_t first_, count_;
   double scale_;
   double largest_;  // of S - S0 over S0, at most
   const SurfaceCompliance &wide_, &smooth_, &periodic_;
-  std::size_t most_pairs_;
+  std::size_t max_pairs_;
   std::shared_ptr<const FeltModulus> felt_;        // null: D = 1
   std::deque<std::shared_ptr<const Pair>> pairs_;  // the newest first
   Eigen::MatrixXd basis_;                          // Q = P basis_, P the pairs' forces

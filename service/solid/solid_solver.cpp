@@ -20,7 +20,7 @@ namespace {
 // Scalars, as in kernels/solid.cl.
 enum Scalar : std::size_t { kRho, kAlpha, kBeta, kCurvature, kScalars };
 
-constexpr std::size_t kMostChunks = 512;
+constexpr std::size_t kMaxChunks = 512;
 
 // The largest relative error, in energy, that rounding was found to leave (T8.3): of the stiffness in T,
 // magnified as nu nears 1/2, and by contrast (bench solid bound, in float at nu 0.3, 0.49 and 0.4999: 1.1e-6,
@@ -81,7 +81,7 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       rows_(static_cast<int>(grid_.layers())) {
   const std::size_t layers = grid_.layers(), columns = grid_.columns(), unknowns = grid_.unknowns();
   const std::size_t groups = unknowns / width_, wide = grid_.nx + 2 * width_;
-  chunk_ = (groups + kMostChunks - 1) / kMostChunks;
+  chunk_ = (groups + kMaxChunks - 1) / kMaxChunks;
   chunks_ = (groups + chunk_ - 1) / chunk_;
   std::vector<T> stiffness;
   stiffness.reserve(576 * layers);

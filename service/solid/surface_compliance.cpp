@@ -54,29 +54,29 @@ std::vector<SurfacePlace> places_of(const std::vector<std::size_t>& unknowns, st
 }  // namespace
 
 SurfaceCompliance::SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol,
-                                     std::size_t pitch, std::size_t most_x, std::size_t most_z)
-    : most_x_(most_x), most_z_(most_z), table_(6 * (most_x + 1) * (most_z + 1), 0.0) {
+                                     std::size_t pitch, std::size_t max_x, std::size_t max_z)
+    : max_x_(max_x), max_z_(max_z), table_(6 * (max_x + 1) * (max_z + 1), 0.0) {
   const std::size_t half_x = nx / 2, half_z = nz / 2;
   const std::vector<Turn> along_x = turns(nx), along_z = turns(nz);
-  std::vector<double> half((most_x + 1) * (half_z + 1));
+  std::vector<double> half((max_x + 1) * (half_z + 1));
   for (std::size_t e = 0; e < 6; ++e) {
     for (std::size_t kz = 0; kz <= half_z; ++kz)
-      for (std::size_t i = 0; i <= most_x; ++i) {
+      for (std::size_t i = 0; i <= max_x; ++i) {
         double sum = 0;
         for (std::size_t kx = 0; kx <= half_x; ++kx) {
           const Turn& turn = along_x[kx * i % nx];
           sum += (kx == 0 || 2 * kx == nx ? 1 : 2) * symbol[(e * (half_z + 1) + kz) * pitch + kx] *
                  (kOddX[e] ? turn.sine : turn.cosine);
         }
-        half[kz * (most_x + 1) + i] = sum;
+        half[kz * (max_x + 1) + i] = sum;
       }
-    for (std::size_t k = 0; k <= most_z; ++k)
+    for (std::size_t k = 0; k <= max_z; ++k)
       for (std::size_t kz = 0; kz <= half_z; ++kz) {
         const Turn& turn = along_z[kz * k % nz];
         const double share = kSign[e] * (kz == 0 || 2 * kz == nz ? 1 : 2) *
                              (kOddZ[e] ? turn.sine : turn.cosine) / static_cast<double>(nx * nz);
-        for (std::size_t i = 0; i <= most_x; ++i)
-          table_[(e * (most_z + 1) + k) * (most_x + 1) + i] += share * half[kz * (most_x + 1) + i];
+        for (std::size_t i = 0; i <= max_x; ++i)
+          table_[(e * (max_z + 1) + k) * (max_x + 1) + i] += share * half[kz * (max_x + 1) + i];
       }
   }
 }
@@ -85,7 +85,7 @@ double SurfaceCompliance::operator()(std::size_t p, std::size_t q, long dx, long
   const std::size_t entry = kEntry[p][q];
   const auto i = static_cast<std::size_t>(std::labs(dx)), k = static_cast<std::size_t>(std::labs(dz));
   const bool turned = (p > q && (p == 1 || q == 1)) != ((kOddX[entry] && dx < 0) != (kOddZ[entry] && dz < 0));
-  const double value = table_[(entry * (most_z_ + 1) + k) * (most_x_ + 1) + i];
+  const double value = table_[(entry * (max_z_ + 1) + k) * (max_x_ + 1) + i];
   return turned ? -value : value;
 }
 
@@ -137,11 +137,11 @@ Eigen::VectorXd SurfaceCompliance::times(const std::vector<std::size_t>& unknown
 }
 
 SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
-                               double least_period_m, double smooth_m, std::size_t row) {
+                               double min_period_m, double smooth_m, std::size_t row) {
   SolidGrid wide = grid;
   const auto widened = [&](std::size_t n, double spacing_m) {
     std::size_t wanted = n;
-    while (static_cast<double>(wanted) * spacing_m < least_period_m) wanted *= 2;
+    while (static_cast<double>(wanted) * spacing_m < min_period_m) wanted *= 2;
     return wanted;
   };
   wide.nx = widened(grid.nx, grid.spacing_x_m);

@@ -13,9 +13,9 @@ namespace teletact::service {
 class SurfaceCompliance {
  public:
   // From the transformed compliance of a block, [6][kz = 0 .. nz/2][pitch] (row_symbol), up to offsets of
-  // most_x and most_z nodes, at most half of the block's.
+  // max_x and max_z nodes, at most half of the block's.
   SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol, std::size_t pitch,
-                    std::size_t most_x, std::size_t most_z);
+                    std::size_t max_x, std::size_t max_z);
   // Displacement of component p under a unit force of component q, the first `dx`, `dz` nodes from the other.
   double operator()(std::size_t p, std::size_t q, long dx, long dz) const;
   // Among unknowns of the surface of an nx x nz block (SurfacePatch), each pair by the nearest of the
@@ -30,13 +30,13 @@ class SurfaceCompliance {
                         std::size_t nx, std::size_t nz, std::size_t first, std::size_t count) const;
 
  private:
-  std::size_t most_x_, most_z_;
+  std::size_t max_x_, max_z_;
   std::vector<double> table_;  // [xx, xy, xz, yy, yz, zz][z][x]
 };
 
-// The same for tissue so wide that its period, at least `least_period_m`, is not felt; `smooth_m`: of what is
+// The same for tissue so wide that its period, at least `min_period_m`, is not felt; `smooth_m`: of what is
 // left of it once forces are smeared by a Gaussian of this deviation; `row`: of nodes, 0 the surface.
 SurfaceCompliance wide_surface(const SolidGrid&, const LayeredTissue&, double poisson_ratio,
-                               double least_period_m, double smooth_m = 0, std::size_t row = 0);
+                               double min_period_m, double smooth_m = 0, std::size_t row = 0);
 
 }  // namespace teletact::service

@@ -56,9 +56,9 @@ GridTransfer coarsen_fully(const NodeLines& fine) {
 }
 
 ShortSide short_side(const NodeLines& lines) {
-  const auto [least_x, most_x] = spacings(lines.x);
-  const auto [least_y, most_y] = spacings(lines.y);
-  const bool tall = most_y > kStretched * least_x, wide = most_x > kStretched * least_y;
+  const auto [min_x, max_x] = spacings(lines.x);
+  const auto [min_y, max_y] = spacings(lines.y);
+  const bool tall = max_y > kStretched * min_x, wide = max_x > kStretched * min_y;
   return tall == wide ? ShortSide::kNeither : tall ? ShortSide::kX : ShortSide::kY;
 }
 

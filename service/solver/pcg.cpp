@@ -25,7 +25,7 @@ enum Field : std::size_t {
 enum History : std::size_t { kAlphaOf = 1, kBetaOf = 2, kHistory = 3 };
 
 // Nodes that one work item sums, and the most partial sums of one right-hand side.
-constexpr std::size_t kSmallestChunk = 32, kMostChunks = 1024;
+constexpr std::size_t kSmallestChunk = 32, kMaxChunks = 1024;
 
 constexpr std::size_t kLocal = 64;  // work-group size over nodes
 
@@ -52,7 +52,7 @@ Pcg<T>::Pcg(const Queue& queue, std::size_t unknowns, std::size_t count, const P
     : queue_(queue), options_(options), nodes_(unknowns / 2), capacity_(count) {
   if (options.max_iterations == 0 || options.delay == 0 || options.look_every == 0)
     throw std::invalid_argument("PcgOptions: max_iterations, delay and look_every must be at least 1");
-  chunk_ = std::max(kSmallestChunk, (nodes_ + kMostChunks - 1) / kMostChunks);
+  chunk_ = std::max(kSmallestChunk, (nodes_ + kMaxChunks - 1) / kMaxChunks);
   chunks_ = (nodes_ + chunk_ - 1) / chunk_;
   const auto get = [&](const char* name) { return queue.kernel("pcg", name, precision_of<T>); };
   dot_ = get("dot_two");

@@ -5,9 +5,9 @@
 
 namespace teletact::service {
 
-ComplianceCache::ComplianceCache(std::size_t rows, std::size_t most_kept,
+ComplianceCache::ComplianceCache(std::size_t rows, std::size_t max_kept,
                                  std::function<void(std::size_t)> forget)
-    : most_(std::max<std::size_t>(1, most_kept)), forget_(std::move(forget)), rows_(rows) {}
+    : max_(std::max<std::size_t>(1, max_kept)), forget_(std::move(forget)), rows_(rows) {}
 
 std::shared_ptr<Compliance> ComplianceCache::get(std::size_t row,
                                                  const std::function<std::shared_ptr<Compliance>()>& make) {
@@ -32,7 +32,7 @@ void ComplianceCache::keep(std::size_t row, const std::shared_ptr<Compliance>& m
   std::erase_if(kept_, [row](const auto& other) { return other.first == row; });
   kept_.insert(kept_.begin(), {row, made});
   used_ = use_stamp();
-  if (kept_.size() > most_) drop(std::prev(kept_.end()));
+  if (kept_.size() > max_) drop(std::prev(kept_.end()));
 }
 
 void ComplianceCache::drop(Kept::iterator at) {

@@ -19,7 +19,7 @@ namespace teletact::service {
 class ComplianceCache final : public Reclaimable {
  public:
   // `forget` is told of rows that are not kept any more.
-  ComplianceCache(std::size_t rows, std::size_t most_kept, std::function<void(std::size_t row)> forget);
+  ComplianceCache(std::size_t rows, std::size_t max_kept, std::function<void(std::size_t row)> forget);
   // That of the row, made if nobody holds it; `make` may throw.
   std::shared_ptr<Compliance> get(std::size_t row, const std::function<std::shared_ptr<Compliance>()>& make);
   // That of the row if it is kept, else null.
@@ -36,7 +36,7 @@ class ComplianceCache final : public Reclaimable {
     std::mutex making;
     std::weak_ptr<Compliance> made;
   };
-  const std::size_t most_;
+  const std::size_t max_;
   const std::function<void(std::size_t)> forget_;
   std::vector<Row> rows_;
   std::mutex mutex_;

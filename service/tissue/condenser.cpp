@@ -68,7 +68,7 @@ std::size_t Condenser::working_bytes() const {
 
 bool Condenser::by_columns(std::size_t row) {
   const bool all_rows =
-      free_.rows() * 4 * free_.columns() * free_.columns() * sizeof(double) <= options_.most_compliance_bytes;
+      free_.rows() * 4 * free_.columns() * free_.columns() * sizeof(double) <= options_.max_compliance_bytes;
   if (row == 0) return cost_.columns_are_cheaper();
   return !all_rows || (cost_.columns_are_cheaper() && by_columns_++ < choices::kRowsByColumns);
 }

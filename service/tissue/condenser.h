@@ -21,7 +21,7 @@ namespace teletact::service {
 struct CondenserOptions {
   bool interior_layers = false;           // keeps for them what the surface's elimination passes through
   bool will_change = false;               // keeps what a row's successor can take over
-  std::size_t most_compliance_bytes = 0;  // all rows together, where they are made row by row
+  std::size_t max_compliance_bytes = 0;  // all rows together, where they are made row by row
 };
 
 // Thread-safe, but for one row asked for by two threads at a time.

@@ -23,7 +23,7 @@ namespace teletact::service {
 namespace {
 
 constexpr std::size_t kAtOnce = 32;      // right-hand sides solved at once
-constexpr std::size_t kMostPasses = 12;  // of refinement
+constexpr std::size_t kMaxPasses = 12;  // of refinement
 constexpr double kPassReduction = 1e-4;  // of the error in one pass of refinement, within float's reach
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNegligibleEnergy = 1e-20;  // of the first guess's: a solution without strain
@@ -280,7 +280,7 @@ std::vector<Column> ElasticitySolver::Core::solve(std::size_t count, std::span<c
     columns[q].first_energy = columns[q].energy;
   }
   double last = kInfinity;
-  for (std::size_t pass = 0; pass < kMostPasses; ++pass) {
+  for (std::size_t pass = 0; pass < kMaxPasses; ++pass) {
     run(count, pass == 0, load, u, residual, columns);
     double worst = 0;
     bool sound = true;

@@ -20,7 +20,7 @@ constexpr std::size_t kRoundingSamples = std::size(kOtherUnits);  // each costs 
 constexpr std::size_t kStep = 2;  // columns of one step of prepare(): a batch is no cheaper
 // Columns that are solved at once: a batch of the solver, fewer of a large grid. While they are solved each
 // takes vectors of the grid: loads, u, r, M r, K M r and samples, and the solver's own.
-constexpr std::size_t kBatch = 32, kMostSolvingBytes = std::size_t{64} << 20;
+constexpr std::size_t kBatch = 32, kMaxSolvingBytes = std::size_t{64} << 20;
 constexpr std::size_t kSolvingBytes = 14 * sizeof(double), kColumnBytes = sizeof(double) + sizeof(float);
 
 // Bound of the relative error that rounding leaves in a compliance: that of the residual K u, whose bulk part
@@ -145,7 +145,7 @@ bool IterativeCompliance::prepare(std::span<const std::size_t> nodes, bool tange
 
 MatrixXd IterativeCompliance::between(const std::vector<std::size_t>& unknowns, SolveReport* report) {
   const Asked asked(*this, unknowns);
-  const std::size_t batch = std::clamp(kMostSolvingBytes / (kSolvingBytes * dofs_), kStep, kBatch);
+  const std::size_t batch = std::clamp(kMaxSolvingBytes / (kSolvingBytes * dofs_), kStep, kBatch);
   for (std::size_t begin = 0; begin < unknowns.size();) {
     std::vector<std::size_t> step;
     {

@@ -26,14 +26,14 @@ TissueModel::TissueModel(TissueGrid grid, Material material, Supports supports,
       charge_(options.account.charge(Place::kHost, "models", bytes_of(*problem_))),
       condenser_(std::make_shared<Condenser>(
           problem_,
-          CondenserOptions{options.interior_layers, options.will_change, options.most_compliance_bytes},
+          CondenserOptions{options.interior_layers, options.will_change, options.max_compliance_bytes},
           options.account)),
       surface_(condenser_->free().first_row > 0
                    ? nullptr
                    : condenser_->condense(0, before ? before->condenser_.get() : nullptr)),
       interior_(std::make_shared<ComplianceCache>(
           problem_->grid.ny(),
-          options.most_compliance_bytes / (condenser_->compliance_bytes() + condenser_->sides_bytes()),
+          options.max_compliance_bytes / (condenser_->compliance_bytes() + condenser_->sides_bytes()),
           [condenser = condenser_](std::size_t row) { condenser->forget(row); })),
       iterative_(std::make_shared<IterativeCompliances>(problem_, options.account)) {
   options.account.add(Place::kHost, interior_);

@@ -32,7 +32,7 @@ struct TissueModelOptions {
   // from this one can take over, at most 32 (T^2 + 2 T L + 4 L^2) bytes for each row in use, T touchable
   // columns, L free rows.
   bool will_change = false;
-  std::size_t most_compliance_bytes = choices::kMostComplianceBytes;  // of those kept for interior rows
+  std::size_t max_compliance_bytes = choices::kMaxComplianceBytes;  // of those kept for interior rows
   MemoryAccount account = {};  // in whose name the model and all that is made for it is held
 };
 

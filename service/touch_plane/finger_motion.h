@@ -14,7 +14,7 @@ class FingerMotion {
   using Clock = std::chrono::steady_clock;
   // Sets how the pose moves: its velocity, and how fast that turns.
   void see(TouchPose& pose, Clock::time_point now) {
-    constexpr double kSmoothedS = 0.005, kGapS = 0.1, kLeastMS = 0.01, kMostTurnRadS = 60;
+    constexpr double kSmoothedS = 0.005, kGapS = 0.1, kMinMS = 0.01, kMaxTurnRadS = 60;
     const double passed_s = std::chrono::duration<double>(now - at_).count();
     const Vector3 before_m_s = velocity_m_s_;
     if (!(passed_s < kGapS)) velocity_m_s_ = acceleration_m_s2_ = {};
@@ -32,10 +32,10 @@ class FingerMotion {
     pose.velocity_m_s = velocity_m_s_;
     const auto [vx, vy, vz] = velocity_m_s_;
     const double squares = vx * vx + vz * vz;
-    pose.turn_rad_s = squares > kLeastMS * kLeastMS
+    pose.turn_rad_s = squares > kMinMS * kMinMS
                           ? (vx * acceleration_m_s2_[2] - vz * acceleration_m_s2_[0]) / squares
                           : 0;
-    if (!(std::abs(pose.turn_rad_s) < kMostTurnRadS)) pose.turn_rad_s = 0;
+    if (!(std::abs(pose.turn_rad_s) < kMaxTurnRadS)) pose.turn_rad_s = 0;
     // What is smoothed is late.
     const double late = pose.turn_rad_s * kSmoothedS;
     pose.velocity_m_s[0] = vx * std::cos(late) - vz * std::sin(late);

@@ -12,7 +12,7 @@ std::optional<FingerWatch::State> FingerWatch::due(Clock::time_point now, bool t
   const Limits& limits = scene_->limits();
   if (!told_.may_tell(now, told, limits.acknowledge_s)) return std::nullopt;
   const auto passed = now - told_.since();
-  if (told_.count() > 0 && passed < seconds(1 / limits.most_finger_rate_hz)) return std::nullopt;
+  if (told_.count() > 0 && passed < seconds(1 / limits.max_finger_rate_hz)) return std::nullopt;
   const Finger finger = scene_->finger().at(now);
   // One that rests is told all the same: watchers take silence for a dead link, and proxies for an idle one.
   if (told_.count() > 0 && finger.generation == generation_ && passed < kHeartbeat) return std::nullopt;

@@ -74,25 +74,25 @@ void LawOutbox::look(const SceneSnapshot& snapshot, double x_m, const LawOf& law
 
 std::optional<LawPiece> LawOutbox::next(const SceneSnapshot& snapshot, Along place_m, Along velocity_m_s,
                                         const LawOf& law_of, double farthest_m) {
-  if (sent_ - acknowledged_ >= kMostUnacknowledged) return std::nullopt;
+  if (sent_ - acknowledged_ >= kMaxUnacknowledged) return std::nullopt;
   look(snapshot, place_m.x, law_of);
   const Along ahead_m{place_m.x + choices::kLawAhead * velocity_m_s.x,
                       place_m.z + choices::kLawAhead * velocity_m_s.z};
-  double least_m = farthest_m;
+  double min_m = farthest_m;
   std::uint64_t window_id = 0;
   std::size_t nearest = 0;
   for (const auto& [id, sent] : windows_)
     for (std::size_t i = 0; i < sent.columns.size(); ++i) {
       const LawColumn& column = sent.law->columns[i];
       const double off_m = std::hypot(column.x_m - ahead_m.x, sent.lanes ? column.z_m - ahead_m.z : 0);
-      if (!sent.columns[i] && off_m < least_m) least_m = off_m, window_id = id, nearest = i;
+      if (!sent.columns[i] && off_m < min_m) min_m = off_m, window_id = id, nearest = i;
     }
-  if (!(least_m < farthest_m)) return std::nullopt;
+  if (!(min_m < farthest_m)) return std::nullopt;
   return piece_of(window_id, windows_.at(window_id), nearest);
 }
 
 bool LawOutbox::expects_more(Clock::time_point now) const {
-  if (sent_ - acknowledged_ >= kMostUnacknowledged) return false;  // the acknowledgement wakes
+  if (sent_ - acknowledged_ >= kMaxUnacknowledged) return false;  // the acknowledgement wakes
   return std::any_of(windows_.begin(), windows_.end(), [now](const auto& window) {
     const Sent& sent = window.second;
     const bool unsent = std::find(sent.columns.begin(), sent.columns.end(), false) != sent.columns.end();
@@ -102,7 +102,7 @@ bool LawOutbox::expects_more(Clock::time_point now) const {
 }
 
 bool LawOutbox::owes(const WindowModel& window, Along place_m) const {
-  if (sent_ - acknowledged_ >= kMostUnacknowledged) return false;  // nothing can be told now
+  if (sent_ - acknowledged_ >= kMaxUnacknowledged) return false;  // nothing can be told now
   const auto known = windows_.find(window.id);
   if (known == windows_.end()) return false;
   const Sent& sent = known->second;

@@ -36,7 +36,7 @@ struct Along {
 class LawOutbox {
  public:
   using Clock = std::chrono::steady_clock;
-  static constexpr std::uint64_t kMostUnacknowledged = 8;
+  static constexpr std::uint64_t kMaxUnacknowledged = 8;
 
   // What is known of a window's law by now; null for nothing.
   using LawOf = std::function<std::shared_ptr<const ContactLaw>(const WindowModel&)>;

@@ -9,18 +9,18 @@ namespace teletact::service {
 namespace {
 
 Onlooker::Clock::duration observation_period(double wished_hz, const Limits& limits) {
-  if (wished_hz == 0) wished_hz = limits.most_observe_rate_hz;
-  if (!(wished_hz >= Onlooker::kLeastRateHz && wished_hz <= limits.most_observe_rate_hz))
+  if (wished_hz == 0) wished_hz = limits.max_observe_rate_hz;
+  if (!(wished_hz >= Onlooker::kMinRateHz && wished_hz <= limits.max_observe_rate_hz))
     throw std::invalid_argument(
-        fmt::format("open.most_rate_hz: {} is not within [{}, {}]; leave it out for {}", wished_hz,
-                    Onlooker::kLeastRateHz, limits.most_observe_rate_hz, limits.most_observe_rate_hz));
+        fmt::format("open.max_rate_hz: {} is not within [{}, {}]; leave it out for {}", wished_hz,
+                    Onlooker::kMinRateHz, limits.max_observe_rate_hz, limits.max_observe_rate_hz));
   return seconds(1 / wished_hz);
 }
 
 const std::string& checked(const std::string& session_id) {
-  if (session_id.size() > TouchStream::kMostSessionIdBytes)
+  if (session_id.size() > TouchStream::kMaxSessionIdBytes)
     throw std::invalid_argument(fmt::format("open.session_id: {} bytes; a touch stream's has at most {}",
-                                            session_id.size(), TouchStream::kMostSessionIdBytes));
+                                            session_id.size(), TouchStream::kMaxSessionIdBytes));
   return session_id;
 }
 
@@ -28,7 +28,7 @@ const std::string& checked(const std::string& session_id) {
 
 Onlooker::Onlooker(std::shared_ptr<Scene> scene, const Wishes& wishes)
     : scene_(std::move(scene)),
-      period_(observation_period(wishes.most_rate_hz, scene_->limits())),
+      period_(observation_period(wishes.max_rate_hz, scene_->limits())),
       id_(scene_->observers()->join({wishes.answers, wishes.surface, checked(wishes.session_id)})) {}
 
 void Onlooker::acknowledge(std::uint64_t state) {

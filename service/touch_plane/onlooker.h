@@ -18,12 +18,12 @@ class Onlooker {
  public:
   using Clock = ToldStates::Clock;
   static constexpr std::chrono::milliseconds kHeartbeat{500};  // between states where nothing changes
-  static constexpr double kLeastRateHz = 0.1;
+  static constexpr double kMinRateHz = 0.1;
 
   struct Wishes {
     bool answers = false, surface = false;
     std::string session_id = {};  // of the touch stream; empty: the one that steers
-    double most_rate_hz = 0;      // 0: as the limits say
+    double max_rate_hz = 0;      // 0: as the limits say
   };
   struct State {
     std::uint64_t number = 0;  // counts the states from 1

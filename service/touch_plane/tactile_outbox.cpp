@@ -13,16 +13,16 @@ namespace {
 
 TaxelGrid checked(const TaxelGrid& grid) {
   const auto check = [](const char* field, std::size_t taxels) {
-    if (taxels >= 1 && taxels <= TactileOutbox::kMostTaxels) return;
+    if (taxels >= 1 && taxels <= TactileOutbox::kMaxTaxels) return;
     throw std::invalid_argument(fmt::format("open.tactile.{}: {} is not within [1, {}]; leave it out for 8",
-                                            field, taxels, TactileOutbox::kMostTaxels));
+                                            field, taxels, TactileOutbox::kMaxTaxels));
   };
   check("taxels_x", grid.along_x);
   check("taxels_z", grid.along_z);
-  if (!(grid.pitch_m >= TactileOutbox::kLeastPitchM && grid.pitch_m <= TactileOutbox::kMostPitchM))
+  if (!(grid.pitch_m >= TactileOutbox::kMinPitchM && grid.pitch_m <= TactileOutbox::kMaxPitchM))
     throw std::invalid_argument(
         fmt::format("open.tactile.pitch_m: {} m is not within [{}, {}]; leave it out for 0.002", grid.pitch_m,
-                    TactileOutbox::kLeastPitchM, TactileOutbox::kMostPitchM));
+                    TactileOutbox::kMinPitchM, TactileOutbox::kMaxPitchM));
   return grid;
 }
 

@@ -25,8 +25,8 @@ struct SentTactile {
 class TactileOutbox {
  public:
   using Clock = PacedJob::Clock;
-  static constexpr std::size_t kMostTaxels = 32;  // a side
-  static constexpr double kLeastPitchM = 0.0005, kMostPitchM = 0.01;
+  static constexpr std::size_t kMaxTaxels = 32;  // a side
+  static constexpr double kMinPitchM = 0.0005, kMaxPitchM = 0.01;
 
   // Throws std::invalid_argument (field named).
   explicit TactileOutbox(const TaxelGrid&);

@@ -57,7 +57,7 @@ TouchExchange::Next TouchExchange::next(Time now) const {
   if (!opened_) return {Work::kOpen, now};
   if (asked_) return {law_looked_for_ ? Work::kAnswer : Work::kLawBefore, law_looked_for_ ? now : law_due_};
   Next next = kNone;
-  if (finger_at_ && pieces_ < kMostPieces && law_due_ < Time::max()) next = {Work::kLaw, law_due_};
+  if (finger_at_ && pieces_ < kMaxPieces && law_due_ < Time::max()) next = {Work::kLaw, law_due_};
   if (!inbox_.newest() || answered_ - acknowledged_ >= terms_.credit) return next;
   // Poses that come before it is due replace each other.
   const Time due = std::max({due_, inbox_.newest()->at, room_});

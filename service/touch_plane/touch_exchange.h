@@ -30,7 +30,7 @@ class TouchExchange {
  public:
   using Clock = std::chrono::steady_clock;
   using Time = Clock::time_point;
-  static constexpr unsigned kMostPieces = 2;  // of laws, between two answers: they wait for no more
+  static constexpr unsigned kMaxPieces = 2;  // of laws, between two answers: they wait for no more
   static constexpr std::chrono::milliseconds kLookForLaw{1};  // again, where the first answer waits for one
 
   struct Terms {

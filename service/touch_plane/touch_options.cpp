@@ -12,10 +12,10 @@ namespace teletact::service {
 namespace {
 
 void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
-  const auto check_length = [&](const char* field, double value_m, double least_m) {
-    if (value_m >= least_m && value_m <= limits.most_tip_m) return;
+  const auto check_length = [&](const char* field, double value_m, double min_m) {
+    if (value_m >= min_m && value_m <= limits.max_tip_m) return;
     throw std::invalid_argument(fmt::format("{}: {} m is not within [{}, {}]; a fingertip has about 0.008 m",
-                                            field, value_m, least_m, limits.most_tip_m));
+                                            field, value_m, min_m, limits.max_tip_m));
   };
   const auto require_solid = [solid](const char* what) {
     if (solid) return;
@@ -27,24 +27,24 @@ void check_fingertip(const Fingertip& tip, bool solid, const Limits& limits) {
   switch (tip.shape) {
     case FingertipShape::kNode:
       // A Gaussian is cut at three standard deviations or so.
-      if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= limits.most_tip_m))
+      if (!(tip.footprint_m >= 0 && 3 * tip.footprint_m <= limits.max_tip_m))
         throw std::invalid_argument(
             fmt::format("open.fingertip.footprint_m: {} m is not within [0, {}]; "
                         "0.001 m is smooth between nodes",
-                        tip.footprint_m, limits.most_tip_m / 3));
+                        tip.footprint_m, limits.max_tip_m / 3));
       return;
     case FingertipShape::kPad:
       require_solid("a pad");
       [[fallthrough]];
     case FingertipShape::kFlatPunch:
-      check_length("open.fingertip.half_width_m", tip.half_width_m, limits.least_tip_m);
+      check_length("open.fingertip.half_width_m", tip.half_width_m, limits.min_tip_m);
       check_length("open.fingertip.radius_m", tip.radius_m, 0);
       return;
     case FingertipShape::kSphere:
       require_solid("a sphere");
       [[fallthrough]];
     case FingertipShape::kRoundedTip:
-      check_length("open.fingertip.radius_m", tip.radius_m, limits.least_tip_m);
+      check_length("open.fingertip.radius_m", tip.radius_m, limits.min_tip_m);
       return;
   }
 }

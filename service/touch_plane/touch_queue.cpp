@@ -32,11 +32,11 @@ std::optional<std::string> TouchQueue::overload(const Principal& principal, Turn
   const double before = std::max(1.0, active_[kind]), fresh = static_cast<double>(fresh_);
   const double share_hz = level_hz(kind) * before / (before + fresh + 1);
   const double rate_hz = weight * share_hz / (own + 1);
-  if (rate_hz >= terms_.least_rate_hz) return std::nullopt;
+  if (rate_hz >= terms_.min_rate_hz) return std::nullopt;
   return fmt::format(
       "{} touch streams are answered as often as can be: another one would be {:.1f} times a second, and "
-      "less than {:g} (least_touch_rate_hz) serves nobody",
-      streams_.size(), rate_hz, terms_.least_rate_hz);
+      "less than {:g} (min_touch_rate_hz) serves nobody",
+      streams_.size(), rate_hz, terms_.min_rate_hz);
 }
 
 bool TouchQueue::mostly_long(const Account& account) const {
@@ -84,7 +84,7 @@ void TouchQueue::leave(Id id) {
 TouchQueue::Clock::duration TouchQueue::kept(const Stream& stream) const {
   const double share_hz =
       stream.account->weight * level_hz(stream.kind) / std::max(1.0, stream.account->active[stream.kind]);
-  const double longer_s = 1 / std::max(share_hz, terms_.least_rate_hz);
+  const double longer_s = 1 / std::max(share_hz, terms_.min_rate_hz);
   return std::max(stream.period, seconds(longer_s));
 }
 

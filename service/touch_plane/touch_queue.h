@@ -47,7 +47,7 @@ class TouchQueue {
 
   struct Terms {
     std::size_t workers = 2;    // at least
-    double least_rate_hz = 20;  // no period becomes longer than this says
+    double min_rate_hz = 20;  // no period becomes longer than this says
   };
   struct Principal {
     std::string name;

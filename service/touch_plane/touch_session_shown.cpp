@@ -41,7 +41,7 @@ void TouchSession::deform(PacedJob& job, ObservedSurface at_rest, const Vector3&
                      pose = TouchPose{{x_m, y_m - layer_.depth_m, z_m}}]() mutable {
     const auto begun = Clock::now();
     try {
-      auto layer = touched->deformed(tip, pose, choices::kSurfaceAround, choices::kMostSurfaceNodes);
+      auto layer = touched->deformed(tip, pose, choices::kSurfaceAround, choices::kMaxSurfaceNodes);
       if (!layer) return;
       surface.layer = *std::move(layer);
     } catch (const std::exception&) {  // the model's limits: the answer stands

@@ -18,20 +18,20 @@ namespace teletact::service {
 namespace {
 
 std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
-  if (wished > TouchStream::kMostCredit)
+  if (wished > TouchStream::kMaxCredit)
     throw std::invalid_argument(
         fmt::format("open.credit: {} is more than {}; ask for fewer answers in flight", wished,
-                    TouchStream::kMostCredit));
-  return std::clamp<std::uint64_t>(wished, 1, limits.most_credit);
+                    TouchStream::kMaxCredit));
+  return std::clamp<std::uint64_t>(wished, 1, limits.max_credit);
 }
 
 TouchStream::Clock::duration answer_period(double wished_s, const Limits& limits) {
   if (wished_s == 0) wished_s = TouchStream::kUsualPeriodS;
-  if (!(wished_s > 0 && wished_s <= limits.most_touch_period_s))
+  if (!(wished_s > 0 && wished_s <= limits.max_touch_period_s))
     throw std::invalid_argument(fmt::format("open.period_s: {} is not within (0, {}]; leave it out for {} s",
-                                            wished_s, limits.most_touch_period_s,
+                                            wished_s, limits.max_touch_period_s,
                                             TouchStream::kUsualPeriodS));
-  return seconds(std::max(wished_s, 1 / limits.most_touch_rate_hz));
+  return seconds(std::max(wished_s, 1 / limits.max_touch_rate_hz));
 }
 
 Along along(const Vector3& vector) {
@@ -44,9 +44,9 @@ TouchExchange::Terms terms_from(const TouchWishes& wishes, const Limits& limits)
 }
 
 TouchOptions&& options_of(TouchWishes& wishes) {
-  if (wishes.session_id.size() > TouchStream::kMostSessionIdBytes)
+  if (wishes.session_id.size() > TouchStream::kMaxSessionIdBytes)
     throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
-                                            wishes.session_id.size(), TouchStream::kMostSessionIdBytes));
+                                            wishes.session_id.size(), TouchStream::kMaxSessionIdBytes));
   wishes.touch.pressure = wishes.pressure || wishes.tactile;
   return std::move(wishes.touch);
 }

@@ -36,8 +36,8 @@ class TouchStream {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr double kUsualPeriodS = 0.002;
-  static constexpr std::size_t kMostSessionIdBytes = 64;
-  static constexpr std::uint64_t kMostCredit = 256;  // of a wish; kept is what the limits say
+  static constexpr std::size_t kMaxSessionIdBytes = 64;
+  static constexpr std::uint64_t kMaxCredit = 256;  // of a wish; kept is what the limits say
   static constexpr double kLawNearM = 0.010;         // columns of laws this near go before the answer
 
   using Arrived = TouchExchange::Arrived;

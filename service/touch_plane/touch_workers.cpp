@@ -40,7 +40,7 @@ class OwnTime {
 }  // namespace
 
 TouchWorkers::TouchWorkers(const Limits& limits)
-    : queue_({workers_of(limits), limits.least_touch_rate_hz}, Clock::now()) {
+    : queue_({workers_of(limits), limits.min_touch_rate_hz}, Clock::now()) {
   for (std::size_t k = workers_of(limits); k > 0; --k) threads_.emplace_back([this] { work(); });
 }
 

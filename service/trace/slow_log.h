@@ -26,8 +26,8 @@ class SlowLog {
   using Clock = std::chrono::steady_clock;
 
   SlowLog(const char* event, Clock::duration most, Clock::duration pace)
-      : event_(event), most_(most), pace_(pace) {}
-  bool too_long(Clock::duration took) const { return took > most_; }
+      : event_(event), max_(most), pace_(pace) {}
+  bool too_long(Clock::duration took) const { return took > max_; }
   // "event=EVENT WHAT left_out=N", N of them since the line before; `what()` gives the key=value pairs. None
   // within the pace of the line before, nor where what() throws.
   template <class What>
@@ -47,7 +47,7 @@ class SlowLog {
   // Those left out, where a line is due.
   std::optional<std::uint64_t> turn(Clock::time_point now);
   const char* const event_;
-  const Clock::duration most_, pace_;
+  const Clock::duration max_, pace_;
   std::mutex mutex_;
   std::optional<Clock::time_point> said_at_;
   std::uint64_t left_out_ = 0;

@@ -15,12 +15,12 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Waits until `met`; how long that took, or infinity after `most_s`.
+// Waits until `met`; how long that took, or infinity after `max_s`.
 template <typename Condition>
-double seconds_until(const Condition& met, double most_s) {
+double seconds_until(const Condition& met, double max_s) {
   const auto begin = Clock::now();
   const auto waited_s = [&] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
-  while (waited_s() < most_s) {
+  while (waited_s() < max_s) {
     if (met()) return waited_s();
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
@@ -84,14 +84,14 @@ TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
   EXPECT_NEAR(watch.motion(monotonic_ns() + kTenSecondsNs).x_m, 0.03 + 0.1 * 0.5, 1e-9);
   const int told = server.palpation.told;
   server.palpation.repeat_finger();
-  double least_m = 1;
+  double min_m = 1;
   const auto repeated = [&] {
-    least_m = std::min(least_m, watch.motion(monotonic_ns()).x_m);
+    min_m = std::min(min_m, watch.motion(monotonic_ns()).x_m);
     return server.palpation.told > told;
   };
   ASSERT_LT(seconds_until(repeated, 5), 5);
   seconds_until([&] { return repeated() && false; }, 0.03);
-  EXPECT_GE(least_m, 0.0799);
+  EXPECT_GE(min_m, 0.0799);
 }
 
 // GIVEN a finger that has left WHEN the service goes on saying that nobody is there THEN it left when it did.

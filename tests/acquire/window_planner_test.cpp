@@ -135,7 +135,7 @@ TEST(WindowPlanner, RefusesATissueWithoutWindows) {
 // fro at 120 mm/s, with a service that publishes `compute_s` after the post frame.
 struct Sweep {
   std::size_t acquired = 0;
-  double least_slack_s =
+  double min_slack_s =
       std::numeric_limits<double>::infinity();  // finger's arrival minus publication, first visits
   bool arrived_at_unknown = false;
 };
@@ -173,7 +173,7 @@ Sweep sweep(double compute_s, std::size_t lookahead, double round_trip_s = 0) {
     if (!finger_at(t).present) continue;
     const std::size_t here = planner.window_at(finger_at(t).x_m);
     if (!std::exchange(visited[here], char{1}))
-      result.least_slack_s = std::min(result.least_slack_s, t - first_published[here]);
+      result.min_slack_s = std::min(result.min_slack_s, t - first_published[here]);
     if (t < first_published[here]) result.arrived_at_unknown = true;
   }
   return result;
@@ -182,13 +182,13 @@ Sweep sweep(double compute_s, std::size_t lookahead, double round_trip_s = 0) {
 TEST(WindowPlanner, ArmAndPlannerStayAheadOfAFingerAt120MillimetresPerSecond) {
   const Sweep run = sweep(0.45, 2);
   EXPECT_FALSE(run.arrived_at_unknown);
-  EXPECT_GE(run.least_slack_s, 0.0);
+  EXPECT_GE(run.min_slack_s, 0.0);
   EXPECT_GE(run.acquired, 14u);  // windows are renewed on every pass
 }
 
 // A link of 0.1 s takes as much of the slack: windows are asked for so much earlier.
 TEST(WindowPlanner, AFarOperatorWaitsForNoWindow) {
-  EXPECT_GE(sweep(0.45, 2, 0.1).least_slack_s, 0.1);
+  EXPECT_GE(sweep(0.45, 2, 0.1).min_slack_s, 0.1);
 }
 
 TEST(WindowPlanner, OneWindowOfLookaheadWouldStall) {

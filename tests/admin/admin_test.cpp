@@ -107,7 +107,7 @@ TEST(Admin, TouchesAreCounted) {
 
 TEST(Admin, RefusalsAreCountedByReason) {
   Limits limits;
-  limits.most_touch_streams = 2;
+  limits.max_touch_streams = 2;
   Watched w(limits, false);
   Toucher early(w.server.channel(), "s");
   EXPECT_FALSE(early.opened());

@@ -37,7 +37,7 @@ TEST(HttpListener, SilentPeersAreClosed) {
   const HttpListener listener(
       "--admin", "127.0.0.1:0", [](const std::string&) { return HttpListener::Answer{}; }, kPatienceS);
   std::vector<test::HttpPeer> silent;
-  for (std::size_t k = 0; k < HttpListener::kMostConnections; ++k)
+  for (std::size_t k = 0; k < HttpListener::kMaxConnections; ++k)
     silent.emplace_back(test::port_of(listener.address()));
   const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(10);
   for (const test::HttpPeer& peer : silent)

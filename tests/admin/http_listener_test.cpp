@@ -119,7 +119,7 @@ TEST(HttpListener, PeersThatHoldConnectionsAreCutAndOthersAnswered) {
   const Listening l(kPatienceS);
   std::vector<HttpPeer> slow;
   const auto begin = std::chrono::steady_clock::now();
-  for (std::size_t k = 0; k < HttpListener::kMostConnections; ++k) {
+  for (std::size_t k = 0; k < HttpListener::kMaxConnections; ++k) {
     slow.emplace_back(l.port);
     slow.back().send("GET /long HTTP/1.1\r\nHost: localhost\r\n\r\n");
   }
@@ -133,7 +133,7 @@ TEST(HttpListener, NoMoreThanMayAreOpenAtOnce) {
   constexpr double kForEver = 3600;
   const Listening l(kForEver);
   std::vector<HttpPeer> slow;
-  for (std::size_t k = 0; k < HttpListener::kMostConnections; ++k) {
+  for (std::size_t k = 0; k < HttpListener::kMaxConnections; ++k) {
     slow.emplace_back(l.port);
     slow.back().send("GET /long HTTP/1.1\r\nHost: localhost\r\n\r\n");
     ASSERT_TRUE(slow.back().answered_within(60'000));

@@ -74,7 +74,7 @@ TEST(Peers, AllGiveTheForceOfTheReference) {
   for (const Pattern pattern : {Pattern::kNodule, Pattern::kCheckerboard}) {
     const ContactProblem p = make_problem(small(pattern));
     for (const auto& peer : peers.all) {
-      ASSERT_LE(p.tissue.grid.dofs(), peer->most_unknowns()) << peer->name();
+      ASSERT_LE(p.tissue.grid.dofs(), peer->max_unknowns()) << peer->name();
       peer->prepare(p);
       const bool single = peer->name().find("float") != std::string::npos;
       const PeerAnswer answer = peer->touch(p, single ? 6e-4 : 1e-9);

@@ -260,7 +260,7 @@ TEST(Lift, ByContactLawsThatChangeAndEndUnderTheFingerNoMoreComesBackThanWasPaid
           EXPECT_EQ(result.in_air_n, 0);
           EXPECT_GT(result.largest_n, 0.5 * options.device.largest_force_n);
           EXPECT_LE(result.over_paid, 1);
-          EXPECT_GE(result.least_ledger_j, -1e-12);
+          EXPECT_GE(result.min_ledger_j, -1e-12);
           if (law == LawTold::kOne && stall_s == 0) {
             EXPECT_LE(result.over_allowed, 1.1);
             EXPECT_EQ(result.degraded_share, 0);

@@ -69,8 +69,8 @@ class Service {
  private:
   static service::Limits limits() {
     service::Limits limits;
-    limits.most_touch_streams = 64;  // all together fewer than calls of one connection
-    limits.most_observers = 16;
+    limits.max_touch_streams = 64;  // all together fewer than calls of one connection
+    limits.max_observers = 16;
     return limits;
   }
   // Most of these calls come to nothing, and some before their client has made one that is let through.

@@ -71,8 +71,8 @@ TEST(Corrector, TooManyFingersLeaveOutTheOldest) {
   held.wait_for(1);
   for (int k = 1; k <= 20; ++k) corrector.ask({}, at(0.02 * k));
   held.allow(100);
-  EXPECT_TRUE(corrector.wait_for_more_than(Corrector::kMostFingers, Corrector::Clock::now() + kLong));
-  ASSERT_EQ(held.places.size(), 1 + Corrector::kMostFingers);
+  EXPECT_TRUE(corrector.wait_for_more_than(Corrector::kMaxFingers, Corrector::Clock::now() + kLong));
+  ASSERT_EQ(held.places.size(), 1 + Corrector::kMaxFingers);
   EXPECT_NEAR(held.places.back()[0], 0.4, 1e-12);
 }
 

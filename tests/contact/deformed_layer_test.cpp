@@ -104,7 +104,7 @@ TEST(DeformedLayer, OfASolidIsTheBlocks) {
   const std::vector<float> u = solver.displacement();
   double largest_m = 0, worst_m = 0, worst_guess_m = 0;
   const auto periodic = solver.row()->layered;
-  const auto wide = wide_surface(grid, solver.modulus()->layers, 0.49, choices::kLeastPeriod * 0.030);
+  const auto wide = wide_surface(grid, solver.modulus()->layers, 0.49, choices::kMinPeriod * 0.030);
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     const std::size_t unknown = nodes[n] + grid.columns();
     double wider_m = 0;

@@ -92,7 +92,7 @@ double judge(const char* what, std::vector<double> ratios) {
 // A bound for any tissue: far from the error, and far below what anything else is off by.
 TEST(ErrorEstimate, OfTheCondensedModelBoundsAndIsSmall) {
   std::vector<double> ratios;
-  double most_stated = 0;
+  double max_stated = 0;
   for (const Tissue& t : tissues()) {
     const TissueModel model(t.grid, t.material, {}, {});
     add_touches(model, *t.exact, *model.condensed(0), ratios);
@@ -100,11 +100,11 @@ TEST(ErrorEstimate, OfTheCondensedModelBoundsAndIsSmall) {
     const double middle_m = 0.5 * (t.grid.x_m.front() + t.grid.x_m.back());
     const auto answer =
         service::solve_contact(model.problem(), 0, *model.condensed(0), {}, {middle_m, 0.001});
-    most_stated = std::max(most_stated, answer.solve.relative_error);
+    max_stated = std::max(max_stated, answer.solve.relative_error);
   }
   judge("condensed", ratios);
-  std::printf("at most %.1e is stated to nu 0.49 and contrast 10\n", most_stated);
-  EXPECT_LE(most_stated, 1e-7);
+  std::printf("at most %.1e is stated to nu 0.49 and contrast 10\n", max_stated);
+  EXPECT_LE(max_stated, 1e-7);
 }
 
 // Empty: what the product picks.

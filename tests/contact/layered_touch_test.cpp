@@ -99,7 +99,7 @@ TEST(LayeredTouch, EnergyForceAndStiffnessAreEachOthersDerivatives) {
   }
   EXPECT_EQ(touch.at(0).force_n, 0);
   EXPECT_EQ(touch.at(-1).force_n, 0);
-  EXPECT_THROW(touch.at(1.01 * touch.most_m()), std::out_of_range);
+  EXPECT_THROW(touch.at(1.01 * touch.max_m()), std::out_of_range);
 }
 
 // What cannot be solved is not in the table: a thin soft layer under a wide contact.
@@ -114,7 +114,7 @@ TEST(LayeredTouch, GrowsAndIsFiniteWhateverTheLayers) {
       tip.radius_m = radius;
       const LayeredTouch touch(stack, tip);
       double before = 0;
-      for (double d = touch.most_m() / 200; d < touch.most_m(); d *= 1.1) {
+      for (double d = touch.max_m() / 200; d < touch.max_m(); d *= 1.1) {
         const LayeredTouch::At at = touch.at(d);
         EXPECT_GT(at.force_n, before) << radius << ' ' << d;
         EXPECT_TRUE(std::isfinite(at.force_n) && std::isfinite(at.energy_j) && at.stiffness_n_m > 0);
@@ -125,8 +125,8 @@ TEST(LayeredTouch, GrowsAndIsFiniteWhateverTheLayers) {
 
 // As deep as tissue lets a finger of usual size.
 TEST(LayeredTouch, KnowsDeepTouches) {
-  EXPECT_GT(LayeredTouch({{0.04}, {1e4}, 0.49}, kRounded).most_m(), 0.03);
-  EXPECT_GT(LayeredTouch({{0.04}, {1e4}, 0.49}, tip_of(FingertipShape::kSphere)).most_m(), 0.008);
+  EXPECT_GT(LayeredTouch({{0.04}, {1e4}, 0.49}, kRounded).max_m(), 0.03);
+  EXPECT_GT(LayeredTouch({{0.04}, {1e4}, 0.49}, tip_of(FingertipShape::kSphere)).max_m(), 0.008);
 }
 
 TEST(LayeredTouch, KnowsFrictionlessRoundTipsAlone) {
@@ -204,7 +204,7 @@ TEST_F(ExactLayers, LeaveNoStepInTheForce) {
   const auto force = [&](const Fingertip& tip, double d) {
     return -contact.felt_answer(tip, {0.031, d, 0.031}).force_n[1];
   };
-  const double deepest = LayeredTouch({{0.006, 0.014}, {2e4, 1e4}, 0.49}, small).most_m();
+  const double deepest = LayeredTouch({{0.006, 0.014}, {2e4, 1e4}, 0.49}, small).max_m();
   EXPECT_NEAR(force(small, deepest * (1 + 1e-5)) / force(small, deepest * (1 - 1e-5)), 1, 1e-3);
   EXPECT_GT(force(small, 1.2 * deepest), force(small, deepest));
   for (double d = 0.00002; d < 0.0006; d *= 1.02)  // the first node is met at 0.125 mm

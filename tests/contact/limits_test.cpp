@@ -52,7 +52,7 @@ Judged judged(const TissueModel& model, const Fingertip& tip, const PlanePose& p
 // What is stated follows where double precision really loses digits.
 TEST(ContactLimits, RoundingIsStatedAtAnyContrastAndNearIncompressibility) {
   struct Case {
-    double nu, contrast, least_error, most_error, most_stated;
+    double nu, contrast, min_error, max_error, max_stated;
   };
   const TissueGrid grid = tests::uniform_grid(21, 11);
   for (const Case& c : {Case{0.3, 1, 0, 1e-13, 1e-9},
@@ -64,9 +64,9 @@ TEST(ContactLimits, RoundingIsStatedAtAnyContrastAndNearIncompressibility) {
     const Judged j = judged(model, {}, {0.0103, 0.002});
     std::printf("nu %.8f: %.1e, stated %.1e\n", c.nu, j.error, j.stated);
     EXPECT_LE(j.error, j.stated) << c.nu << " " << c.contrast;
-    EXPECT_GE(j.error, c.least_error) << c.nu << " " << c.contrast;
-    EXPECT_LE(j.error, c.most_error) << c.nu << " " << c.contrast;
-    EXPECT_LE(j.stated, c.most_stated) << c.nu << " " << c.contrast;
+    EXPECT_GE(j.error, c.min_error) << c.nu << " " << c.contrast;
+    EXPECT_LE(j.error, c.max_error) << c.nu << " " << c.contrast;
+    EXPECT_LE(j.stated, c.max_stated) << c.nu << " " << c.contrast;
   }
 }
 

@@ -138,7 +138,7 @@ TEST(PlaneDimension, NodesAreOffByNoMoreThanIsStated) {
 
 // Thin tissue, wide tips, any thickness: where the closed forms no longer hold it is said.
 TEST(PlaneDimension, OfHomogeneousTissueIsNeverStatedTooSmall) {
-  double most_over = 0;
+  double max_over = 0;
   for (const double nu : {0.3, 0.49})
     for (const double depth_m : {0.005, 0.010, 0.020, 0.030, 0.060})
       for (const double radius_m : {0.008, 0.014}) {
@@ -155,12 +155,12 @@ TEST(PlaneDimension, OfHomogeneousTissueIsNeverStatedTooSmall) {
                          stated = dimension_half_width({nu, depth_m, radius_m, d}, thickness_m, 0);
             EXPECT_LE(std::abs(off), stated) << "nu " << nu << ", " << depth_m << " m, R " << radius_m
                                              << ", d " << d << ", t " << thickness_m;
-            most_over = std::max(most_over, std::abs(off) / stated);
+            max_over = std::max(max_over, std::abs(off) / stated);
           }
         }
       }
-  std::printf("off by %.2f of what is stated at most\n", most_over);
-  EXPECT_GT(most_over, 0.5);
+  std::printf("off by %.2f of what is stated at most\n", max_over);
+  EXPECT_GT(max_over, 0.5);
 }
 
 // Closed forms are of wide tissue with a free surface, held below.

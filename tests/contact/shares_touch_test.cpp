@@ -64,7 +64,7 @@ TEST_F(Shares, OfHomogeneousTissueAreTheExactLayer) {
 
 // At a few percent, what a person who knows the tissue would say.
 TEST_F(Shares, SayWhetherTheyAreGoodEnough) {
-  const auto most = [this](const SolidTissue& tissue) { return of(tissue)->most_half_width(0.002); };
+  const auto most = [this](const SolidTissue& tissue) { return of(tissue)->max_half_width(0.002); };
   EXPECT_LT(most(tissue(layers)), 0.01);
   EXPECT_LT(most(with_lump(0.024, 0.004, 5)), 0.01);
   EXPECT_LT(most(with_lump(0.0055, 0.0025, 3)), 0.05);
@@ -87,7 +87,7 @@ TEST_F(Shares, AreOffByNoMoreThanTheyState) {
                    across = answer.force_n[2] - truth.force_n[2], down = answer.force_n[1] - truth.force_n[1];
       const double off = std::hypot(lateral, down, across) / -truth.force_n[1];
       EXPECT_LE(off, shares->half_width(pose));
-      EXPECT_LE(shares->half_width(pose), 1.02 * shares->most_half_width(d));
+      EXPECT_LE(shares->half_width(pose), 1.02 * shares->max_half_width(d));
       EXPECT_LT(off, 0.06);
     }
 }
@@ -157,19 +157,19 @@ TEST_F(Shares, OfAnyTipAreFiniteOrUnknown) {
         tip.shape = shape, tip.radius_m = radius_m;
         const auto shares = contact->shares(tip);
         if (!shares) continue;
-        EXPECT_GT(shares->most_m(), 0);
+        EXPECT_GT(shares->max_m(), 0);
         for (const double share : {1e-3, 0.1, 0.7, 1.0}) {
-          const Vector3 pose{kMiddleM, share * shares->most_m(), kMiddleM};
+          const Vector3 pose{kMiddleM, share * shares->max_m(), kMiddleM};
           const ContactAnswer answer = shares->answer(pose);
           EXPECT_LT(answer.force_n[1], 0) << radius_m;
           EXPECT_TRUE(std::isfinite(answer.force_n[1]) && std::isfinite(answer.tangent_n_m[4]));
           EXPECT_GT(answer.budget.relative(ErrorTerm::kModel), 0);
           EXPECT_GT(shares->over(pose, {}, FiniteStrain::kCounts), 0);
-          EXPECT_GT(shares->most_half_width(pose[1]), 0);
+          EXPECT_GT(shares->max_half_width(pose[1]), 0);
         }
       }
   }
-  EXPECT_TRUE(contact->shares(kTip) == nullptr || contact->shares(kTip)->most_m() <= 0.01);
+  EXPECT_TRUE(contact->shares(kTip) == nullptr || contact->shares(kTip)->max_m() <= 0.01);
 }
 
 // Newtons that are allowed are of the force that is felt, not of the layers'; and what finite strain takes of

@@ -132,7 +132,7 @@ TEST(SolidContact, TheTissueIsWhereTheSparseFactorPutsIt) {
   const double area = grid.spacing_x_m * grid.spacing_z_m;
   // The truth's block is periodic; what the wider surface gives beyond that is the layered tissue's.
   const LayeredTissue layers = layered(tissue);
-  const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kLeastPeriod * 0.020);
+  const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kMinPeriod * 0.020);
   const SurfaceCompliance periodic = wide_surface(grid, layers, 0.49, 0);
   const reference::SolidReference truth(tissue);
   for (const Fingertip& tip : {kRound, kPad}) {
@@ -249,7 +249,7 @@ TEST(SolidContact, StatesWhatItIsOffBy) {
 TEST(SolidContact, FailsWithAnAnswerThatSaysSo) {
   SolidContact<float> contact(queue(), with_ball());
   const ContactAnswer early =
-      contact.touch(kRound, {kMiddle, 0.002, kMiddle}, {.force_error = 1e-3, .most_corrections = 0});
+      contact.touch(kRound, {kMiddle, 0.002, kMiddle}, {.force_error = 1e-3, .max_corrections = 0});
   EXPECT_FALSE(early.solve.converged);
   EXPECT_GT(early.solve.relative_error, 0.05) << "the layered guess is far off over a ball";
   EXPECT_STREQ(early.solve.reason, "correction limit");

@@ -59,7 +59,7 @@ TEST_F(FaultySolid, NanInTheDisplacementIsSaid) {
 }
 
 TEST_F(FaultySolid, WithoutRoomItIsNotMade) {
-  options_.most_array_bytes = 10000;
+  options_.max_array_bytes = 10000;
   try {
     SolidContact<float> contact(Device::open(options_)->queue(), with_ball(10));
     FAIL() << "it was made";
@@ -81,7 +81,7 @@ double true_error(const SolidTissue& tissue, const ContactAnswer& answer) {
                                        1));
   }
   const LayeredTissue layers = layered(tissue);
-  const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kLeastPeriod * grid.y_m.back());
+  const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kMinPeriod * grid.y_m.back());
   Eigen::MatrixXd s = reference::SolidReference(tissue).compliance(nodes) +
                       wide.among(nodes, grid.nx, grid.nz) -
                       wide_surface(grid, layers, 0.49, 0).among(nodes, grid.nx, grid.nz);

@@ -103,7 +103,7 @@ TEST(SolidNode, IsTheSparseFactors) {
   const reference::SolidReference truth(tissue);
   // The truth's block is periodic; what the wider surface gives beyond that is the layered tissue's.
   const LayeredTissue layers = layered(tissue);
-  const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kLeastPeriod * 0.020);
+  const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kMinPeriod * 0.020);
   const SurfaceCompliance periodic = wide_surface(grid, layers, 0.49, 0);
   const Vector3 pose{0.0312, 0.0018, 0.0193};
   for (const double sigma : {0.0, 0.0015}) {

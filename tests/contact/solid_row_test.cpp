@@ -88,7 +88,7 @@ TEST(SolidRow, TheTissueIsWhereTheSparseFactorPutsIt) {
   SolidContact<double> surface(queue(), tissue);
   for (const std::size_t row : {1U, 2U, 4U}) {
     SolidContact<double> contact(surface, row);
-    const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kLeastPeriod * 0.020, 0, row);
+    const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kMinPeriod * 0.020, 0, row);
     const SurfaceCompliance periodic = wide_surface(grid, layers, 0.49, 0, 0, row);
     const ContactAnswer answer = contact.touch(kRound, pose, {.force_error = 1e-7});
     EXPECT_TRUE(answer.solve.converged) << "row " << row << ": " << answer.solve.relative_error;

@@ -89,7 +89,7 @@ TEST(TactileContact, AForceThatNoDepthBearsIsRefused) {
   EXPECT_ANY_THROW(contact.layered_pressure(kRound, {kMiddle, 0.002, kMiddle}, NAN));
 }
 
-// What the warning of a mesh too coarse is made from: where a pad spans kLeastPadSpacings the force depends
+// What the warning of a mesh too coarse is made from: where a pad spans kMinPadSpacings the force depends
 // on where it stands between the nodes by less than 5 %.
 TEST(TactileContact, APadsForceRipplesLittleOverItsMesh) {
   for (const double spacing : {0.001, 0.002}) {
@@ -98,7 +98,7 @@ TEST(TactileContact, APadsForceRipplesLittleOverItsMesh) {
       for (const double depth : {0.0005, 0.002}) {
         Fingertip tip = kPad;
         tip.half_width_m = half_width;
-        if (half_width + std::sqrt(2 * tip.radius_m * depth) < choices::kLeastPadSpacings * spacing) continue;
+        if (half_width + std::sqrt(2 * tip.radius_m * depth) < choices::kMinPadSpacings * spacing) continue;
         double low = HUGE_VAL, high = 0;
         for (const double x : {0.0, 0.25, 0.5})
           for (const double z : {0.0, 0.25, 0.5}) {

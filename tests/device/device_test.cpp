@@ -375,7 +375,7 @@ TEST(Memory, ArraysAreChargedBeforehandAndTooLargeOnesAreNoFailureOfTheDevice) {
   EXPECT_EQ(budget->held(Place::kDevice), 0U);
   EXPECT_EQ(device->held_bytes(), before);
   DeviceOptions small;
-  small.most_array_bytes = 1000;
+  small.max_array_bytes = 1000;
   EXPECT_THROW(Device::open(small)->queue().array<float>(251), DeviceMemoryError);
 }
 

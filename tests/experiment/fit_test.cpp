@@ -136,9 +136,9 @@ TEST(Fit, WhatCannotBeFittedIsRefusedByName) {
   EXPECT_NE(message({{0, 1, 4}, {30, 4, 1}}, plain).find("stimulus_n_m"), std::string::npos);
   EXPECT_NE(message({{NAN, 1, 4}, {30, 4, 1}}, plain).find("stimulus_n_m"), std::string::npos);
   const auto answers = perfect_stiffness_answers();
-  EXPECT_NE(message(answers, {FitMethod::kMaximumLikelihood, 0.7}).find("lapse_rate_most"),
+  EXPECT_NE(message(answers, {FitMethod::kMaximumLikelihood, 0.7}).find("lapse_rate_max"),
             std::string::npos);
-  EXPECT_NE(message(answers, {FitMethod::kLeastSquares, 0.1}).find("lapse_rate_most"), std::string::npos);
+  EXPECT_NE(message(answers, {FitMethod::kLeastSquares, 0.1}).find("lapse_rate_max"), std::string::npos);
 }
 
 TEST(NelderMead, FindsTheLeastOfRosenbrocksValley) {

@@ -26,11 +26,11 @@ class Watched {
     now_ns += after_ns;
     return watch.judge(now_ns, sample);
   }
-  // Seconds from the last change on until it is not fresh; at most `most_s`.
-  double frozen_after_s(const FreshnessSample& sample, Freshness& found, double most_s = 1) {
-    for (double s = kTickS; s < most_s; s += kTickS)
+  // Seconds from the last change on until it is not fresh; at most `max_s`.
+  double frozen_after_s(const FreshnessSample& sample, Freshness& found, double max_s = 1) {
+    for (double s = kTickS; s < max_s; s += kTickS)
       if ((found = tick(sample)) != Freshness::kFresh) return s;
-    return most_s;
+    return max_s;
   }
   FreshnessWatch watch;
   std::int64_t now_ns = 1'000'000'000;

@@ -71,15 +71,15 @@ TEST_F(FrozenDevice, ForceComesBackByTheOperatorAlone) {
   const double left_n = device.force.norm();
   ASSERT_GT(left_n, 0);
   // WHEN it follows the hand again THEN the force goes on to zero, and stays there
-  double most_n = 0;
+  double max_n = 0;
   for (int n = 0; n < 300; ++n) {
     hold(0.01, 0.001);
-    most_n = std::max(most_n, device.force.norm());
+    max_n = std::max(max_n, device.force.norm());
     if (n > 35) {
       ASSERT_EQ(device.force.norm(), 0) << n;
     }
   }
-  EXPECT_LE(most_n, left_n);
+  EXPECT_LE(max_n, left_n);
   servo->request_resume();
   hold(0.01, 0.1);
   EXPECT_EQ(last.state, ServoState::kFault);

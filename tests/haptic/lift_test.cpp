@@ -48,7 +48,7 @@ struct Motion {
 };
 
 struct Felt {
-  double largest_n = 0, pulled_n = 0, least_energy_j = 0, end_energy_j = 0, stored_j = 0;
+  double largest_n = 0, pulled_n = 0, min_energy_j = 0, end_energy_j = 0, stored_j = 0;
   int fades = 0, withheld = 0, in_air = 0, above_cap = 0, held_up = 0;
 };
 
@@ -84,7 +84,7 @@ Felt lift(const std::string& name, const ForceLimits& limits, const Tissue& tiss
     felt.largest_n = std::max(felt.largest_n, force_n);
     felt.pulled_n = std::max(felt.pulled_n, output.force_n.y());
     felt.stored_j = std::max(felt.stored_j, output.stored_j);
-    felt.least_energy_j = std::min(felt.least_energy_j, energy_j);
+    felt.min_energy_j = std::min(felt.min_energy_j, energy_j);
     last_n = output.force_n;
     last_m = pose.position_m;
   }
@@ -126,7 +126,7 @@ TEST(Lift, OfASpringPressedToTheLargestForceLeavesNoForceInTheAirAndGivesBackNoM
           const double late_s = name.rfind("kalman", 0) == 0 ? kTickS / 2 : 0.005;
           const double late_j = device.largest_force_n * late_s * (lift_m_s + Motion::kPressMS);
           const double step_j = stiffness_n_m * std::pow(lift_m_s * kTickS, 2);  // the one that leaves
-          EXPECT_GE(felt.least_energy_j, -late_j - step_j) << what;
+          EXPECT_GE(felt.min_energy_j, -late_j - step_j) << what;
         }
 }
 

@@ -19,7 +19,7 @@ struct HandOver {
   double before_n_m, after_n_m, update_s;
   double friction_n = device_profile("premium-1.5").friction_n, speed_m_s = kSpeedMS;
   double largest_jump = 0;                 // of the force, from tick to tick, while along
-  double least_energy_j = 0, end_n_m = 0;  // port: put in less got back, friction being the display's
+  double min_energy_j = 0, end_n_m = 0;  // port: put in less got back, friction being the display's
   double end_withheld = 0;                 // of the stiffness
 
   Vector3 place(double time_s) const {
@@ -58,7 +58,7 @@ struct HandOver {
         // Where the display states nothing, the least that a hand at it dissipates (T5.7).
         if (friction_n == 0) energy_j += 2 * moved_m.squaredNorm() / kServoS;
       }
-      least_energy_j = std::min(least_energy_j, energy_j);
+      min_energy_j = std::min(min_energy_j, energy_j);
       if (time_s >= next_s) {
         kalman.update(answer(time_s, ++sequence), pose, time_s);
         next_s += update_s;
@@ -121,7 +121,7 @@ TEST(ModelUpdate, GivenAHarderWindowWhenTheFingerIsOutAgainThenNoMoreEnergyWasIn
           HandOver handed{before_n_m, after_n_m, update_s, friction_n, speed_m_s};
           handed.run();
           const double held_j = std::max(before_n_m, after_n_m) * kDepthM * (kDepthM / 0.2) * kServoS;
-          EXPECT_GE(handed.least_energy_j, -held_j)
+          EXPECT_GE(handed.min_energy_j, -held_j)
               << before_n_m << " to " << after_n_m << " N/m every " << update_s << " s, friction "
               << friction_n << " N, " << speed_m_s << " m/s";
         }

@@ -91,15 +91,15 @@ TEST(Hand, GoesInCirclesAboutAPointThatSweeps) {
   options.begin_m = options.start_m = 0.02, options.end_m = 0.09;
   options.across_m = 0.003, options.circle_radius_m = 0.006, options.speed_m_s = 0.05;
   const std::vector<Vector3> way = way_of(options, 9, {.end_x_m = 0.12, .begin_z_m = -0.02, .end_z_m = 0.02});
-  double least_z = 1, largest_z = -1, furthest_x = 0;
+  double min_z = 1, largest_z = -1, furthest_x = 0;
   unsigned crossings = 0;
   for (std::size_t n = 1000; n < way.size(); ++n) {
     EXPECT_NEAR((way[n] - way[n - 1]).norm(), 0.05e-3, 0.002e-3) << "the finger's speed, not the point's";
-    least_z = std::min(least_z, way[n].z()), largest_z = std::max(largest_z, way[n].z());
+    min_z = std::min(min_z, way[n].z()), largest_z = std::max(largest_z, way[n].z());
     furthest_x = std::max(furthest_x, way[n].x());
     crossings += way[n - 1].z() < 0.003 && way[n].z() >= 0.003;
   }
-  EXPECT_NEAR(least_z, -0.003, 1e-5);
+  EXPECT_NEAR(min_z, -0.003, 1e-5);
   EXPECT_NEAR(largest_z, 0.009, 1e-5);
   // 8 s at 50 mm/s are 400 mm; a turn is about 40 mm long and goes on by 6 mm.
   EXPECT_NEAR(crossings, 10, 1);

@@ -38,7 +38,7 @@ TEST(VirtualCoupling, GivenAForceThatIsNoNumberWhenItStepsThenTheToolOnlySlows) 
 
 struct Pressed {
   double later_over_earlier = 0;  // swing of the arm in the sixth second over that in the third
-  double least_work_j = 0;        // of the hand on the arm, in all
+  double min_work_j = 0;        // of the hand on the arm, in all
 };
 
 // A hand presses 4 mm into a spring as stiff as the device may render, and stays.
@@ -67,7 +67,7 @@ Pressed press(const HandOptions& held, double stiffness_n_m, double damping_shar
     const double y_m = device.arm().position_m.y();
     low[n / 1000] = std::min(low[n / 1000], y_m);
     high[n / 1000] = std::max(high[n / 1000], y_m);
-    pressed.least_work_j = std::min(pressed.least_work_j, device.hand_work_j());
+    pressed.min_work_j = std::min(pressed.min_work_j, device.hand_work_j());
   }
   pressed.later_over_earlier = (high[5] - low[5]) / std::max(high[2] - low[2], 1e-15);
   return pressed;
@@ -99,7 +99,7 @@ TEST(VirtualCoupling, GivenAnyHandOfT57WhenItPressesThenItNeverGetsBackMoreThanI
                            hand(0.01, 2, 1000)}) {
     const Pressed pressed = press(held, 800, 1);
     EXPECT_LT(pressed.later_over_earlier, 0.01);
-    EXPECT_GE(pressed.least_work_j, -1e-6);
+    EXPECT_GE(pressed.min_work_j, -1e-6);
   }
 }
 

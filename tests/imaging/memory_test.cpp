@@ -101,18 +101,18 @@ TEST(ImagingMemory, WhatWouldNotFitIsRefusedBeforeAnythingIsTaken) {
   engine.charge_to({budget, "anna", ""});
   estimate(engine);
   const std::uint64_t host = budget->held(Place::kHost), device = budget->held(Place::kDevice);
-  constexpr std::size_t kMostSamples = 16384, kMostLines = 2048;
+  constexpr std::size_t kMaxSamples = 16384, kMaxLines = 2048;
   DisplacementOptions options;
   EXPECT_THROW(
-      DisplacementEstimator::require_fits({kMostSamples, kMostLines, {}}, speckle_geometry(), options),
+      DisplacementEstimator::require_fits({kMaxSamples, kMaxLines, {}}, speckle_geometry(), options),
       std::invalid_argument);
-  const RfFrame large{kMostSamples, kMostLines, std::vector<float>(kMostSamples * kMostLines)};
+  const RfFrame large{kMaxSamples, kMaxLines, std::vector<float>(kMaxSamples * kMaxLines)};
   EXPECT_THROW(engine.estimate(large, large, {speckle_geometry(), {}, slab()}), std::invalid_argument);
   EXPECT_EQ(budget->held(Place::kHost), host);
   EXPECT_EQ(budget->held(Place::kDevice), device) << "what is kept for the next pair is still kept";
   options.max_strain = 0.02;
   EXPECT_NO_THROW(
-      DisplacementEstimator::require_fits({kMostSamples, kMostLines, {}}, speckle_geometry(), options));
+      DisplacementEstimator::require_fits({kMaxSamples, kMaxLines, {}}, speckle_geometry(), options));
 }
 
 TEST(ImagingMemory, AnIdleEngineGivesTheDeviceBackAndAnotherTakesItsPlace) {

@@ -173,11 +173,11 @@ TEST(FairQueue, WhatIsOwedIsChargedToItsClient) {
 
 TEST(FairQueue, BoundedForEachClientAndInAll) {
   Plane plane;
-  for (std::size_t k = 0; k < FairQueue::kMostWaitingPerClient; ++k) plane.add("greedy", 60);
+  for (std::size_t k = 0; k < FairQueue::kMaxWaitingPerClient; ++k) plane.add("greedy", 60);
   EXPECT_EQ(kind_of([&] { plane.add("greedy", 60); }), ErrorKind::kExhausted);
   EXPECT_NO_THROW(plane.add("fair", 1));  // its place is its own
-  std::size_t all = FairQueue::kMostWaitingPerClient + 1;
-  for (int client = 0; all < FairQueue::kMostWaiting; ++all, ++client)
+  std::size_t all = FairQueue::kMaxWaitingPerClient + 1;
+  for (int client = 0; all < FairQueue::kMaxWaiting; ++all, ++client)
     plane.add("client " + std::to_string(client), 1);
   EXPECT_EQ(kind_of([&] { plane.add("one too many", 1); }), ErrorKind::kExhausted);
   EXPECT_NO_THROW(plane.add("one too many", 1, 1001, true));  // debts are bounded by who owes
@@ -186,7 +186,7 @@ TEST(FairQueue, BoundedForEachClientAndInAll) {
 TEST(FairQueue, NoMoreAreBegunThanStatedButWhatIsOwedStillIs) {
   Plane plane;
   std::vector<FairQueue::Id> begun;
-  for (std::size_t k = 0; k < FairQueue::kMostBegun; ++k) plane.add("client " + std::to_string(k), 100);
+  for (std::size_t k = 0; k < FairQueue::kMaxBegun; ++k) plane.add("client " + std::to_string(k), 100);
   plane.run(1002);  // every one has had its first turn
   const auto waits = plane.add("late", 0.1), owed = plane.add("late", 0.1, 1003, true);
   plane.run(1010);

@@ -23,7 +23,7 @@ TEST(Configuration, LimitsAreSetByItAndAllAreReported) {
   const std::string address = "unix:" + (folder / "s");
   const auto wanted = [](const service::LimitRow& row) {
     const double usual = row.value({});
-    return !row.meaning ? usual : row.most != usual ? row.most : row.least;
+    return !row.meaning ? usual : row.max != usual ? row.max : row.min;
   };
   {
     std::ofstream file(folder / "c.toml");
@@ -70,18 +70,18 @@ TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
     EXPECT_NE(outcome.output.find(word), std::string::npos) << outcome.output;
     EXPECT_EQ(std::count(outcome.output.begin(), outcome.output.end(), '\n'), 1) << outcome.output;
   };
-  refused("[limits]\nmost_spoons = 3\n", "limits.most_spoons");
-  refused("[limits]\nmost_scenes = 0\n", "limits.most_scenes: 0 is not within [1, 4096]");
-  refused("[limits]\nmost_scenes = 2.5\n", "limits.most_scenes");
+  refused("[limits]\nmax_spoons = 3\n", "limits.max_spoons");
+  refused("[limits]\nmax_scenes = 0\n", "limits.max_scenes: 0 is not within [1, 4096]");
+  refused("[limits]\nmax_scenes = 2.5\n", "limits.max_scenes");
   refused("[limits]\nmove_s = nan\n", "limits.move_s: nan is not within");
-  refused("[limits]\nmost_max_strain = 0.1\n",
-          "limits.most_max_strain: it is a constant, 0.125; take the line out");
-  refused("[limits]\nmost_scenes = \"many\"\n", "limits.most_scenes must be a number");
+  refused("[limits]\nmax_max_strain = 0.1\n",
+          "limits.max_max_strain: it is a constant, 0.125; take the line out");
+  refused("[limits]\nmax_scenes = \"many\"\n", "limits.max_scenes must be a number");
   refused("limits = 3\n", "limits must be a table");
   refused("device = [0]\n", "device must be a string, or a list of strings");
   refused("device = []\n", "device is an empty list");
   refused("device = [\"0\", \"0\"]\n", "is chosen already");
-  refused("most_scenes = 3\n", "unknown key \"most_scenes\"");
+  refused("max_scenes = 3\n", "unknown key \"max_scenes\"");
 }
 
 }  // namespace

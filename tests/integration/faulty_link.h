@@ -114,10 +114,10 @@ class Faults : public ::testing::Test {
   void expect_that_nothing_queues() const {
     constexpr double kRoundingS = 1e-9;  // of clock readings as double
     ASSERT_GE(recording.poses.size(), 2u);
-    std::uint64_t most_in_flight = 0;
+    std::uint64_t max_in_flight = 0;
     for (std::size_t k = 1; k < recording.poses.size(); ++k) {
       const test::TouchRecording::Pose &pose = recording.poses[k], &before = recording.poses[k - 1];
-      most_in_flight = std::max(most_in_flight, pose.in_flight);
+      max_in_flight = std::max(max_in_flight, pose.in_flight);
       if (pose.call != before.call) continue;
       const double gap_s = pose.sent_s - before.sent_s + kRoundingS;
       ASSERT_GE(gap_s, period_s / 2) << "pose " << k << ", sooner than a late one makes up for";
@@ -128,7 +128,7 @@ class Faults : public ::testing::Test {
       }
     }
     // Of a larger credit the link says how much of it is used (pacing.h).
-    EXPECT_GE(most_in_flight, std::min(credit, client::Pacing::kFewest))
+    EXPECT_GE(max_in_flight, std::min(credit, client::Pacing::kFewest))
         << "the fewest were never in flight: nothing is shown of them";
     // A stream that is open is never quiet for longer than a period and a heartbeat; half of the time is left
     // for outages and a busy machine.
@@ -136,7 +136,7 @@ class Faults : public ::testing::Test {
     const double least = 0.5 * span_s / (period_s + client::TouchLink::kHeartbeatS);
     EXPECT_GE(static_cast<double>(recording.poses.size()), least) << "in " << span_s << " s";
     std::printf("[ poses ] %zu in %.1f s, at least %.0f; most in flight %lu of %u\n", recording.poses.size(),
-                span_s, least, most_in_flight, credit);
+                span_s, least, max_in_flight, credit);
   }
 
   // Deep in the tissue, past the ramp, told in time and trusted: then it is felt, however bad the link.

@@ -79,7 +79,7 @@ class Load : public testing::Test {
   const std::string address_ = "unix:" + (folder_ / "s"), json_ = folder_ / "load.json";
   const std::string admin_ = folder_ / "a";
   const std::string config_ = [this] {
-    std::ofstream(folder_ / "limits.toml") << "[limits]\nmost_touch_streams = 64\n";
+    std::ofstream(folder_ / "limits.toml") << "[limits]\nmax_touch_streams = 64\n";
     return folder_ / "limits.toml";
   }();
   test::Process service_{{test::service_binary(), "serve", "--listen", address_, "--admin", "unix:" + admin_,

@@ -226,22 +226,22 @@ TEST_F(SolidTouch, ASliceUnderAPressedFingerIsFeltGraduallyAndPaidFor) {
   for (const auto& [version, there] : told)
     EXPECT_NEAR(there.written_n, there.force_n, 0.03 * there.force_n) << version;
   // Of either touch: the hand gets back no more than it gave, but for what the mechanism's friction takes.
-  double given_j = 0, most_j = 0, returned_j = 0;
+  double given_j = 0, max_j = 0, returned_j = 0;
   const double friction_n = client::device_profile("premium-1.5").friction_n;
   for (std::size_t n = 1; n < felt.ticks.size(); ++n) {
     const Pressed::Tick &a = felt.ticks[n - 1], &b = felt.ticks[n];
     if (b.y_m < 0) given_j = 0;
     given_j += a.force_n * (b.y_m - a.y_m) + friction_n * std::abs(b.y_m - a.y_m);
-    most_j = std::max(most_j, given_j);
+    max_j = std::max(max_j, given_j);
     returned_j = std::max(returned_j, -given_j);
     EXPECT_GE(b.energy_j, -1e-9) << n;
   }
   std::printf(
       "[ felt  ] %.4f of the force in 10 ms at most; %.3f, %.3f and %.3f N at rest; back of %.2g J: %.2g J\n",
-      largest_change(felt.ticks), before.written_n, told[hard].written_n, told[soft].written_n, most_j,
+      largest_change(felt.ticks), before.written_n, told[hard].written_n, told[soft].written_n, max_j,
       returned_j);
-  EXPECT_GT(most_j, 2e-4);
-  EXPECT_LE(returned_j, 0.01 * most_j);
+  EXPECT_GT(max_j, 2e-4);
+  EXPECT_LE(returned_j, 0.01 * max_j);
 }
 
 // The demo of solids in short, with its report; and what that says of another patient.

@@ -134,7 +134,7 @@ TEST(ContactLaw, AColumnThatCannotBeIsNotUsable) {
   };
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_TRUE(refused([](LawColumn& c) { c.rows = 0; }));
-  EXPECT_TRUE(refused([](LawColumn& c) { c.rows = LawColumn::kMostRows + 1; }));
+  EXPECT_TRUE(refused([](LawColumn& c) { c.rows = LawColumn::kMaxRows + 1; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.x_m = HUGE_VAL; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.log_depth[2] = c.log_depth[1]; }));
   EXPECT_TRUE(refused([](LawColumn& c) { c.samples[3].by_log_depth = 0; }));

@@ -35,15 +35,15 @@ TEST(Limits, TheListIsWhole) {
     EXPECT_TRUE(names.insert(row.name).second) << row.name << " stands twice";
     EXPECT_NE(std::string(row.unit), "") << row.name;
     if (!row.meaning) continue;
-    EXPECT_LE(row.least, row.value(usual)) << row.name;
-    EXPECT_LE(row.value(usual), row.most) << row.name;
+    EXPECT_LE(row.min, row.value(usual)) << row.name;
+    EXPECT_LE(row.value(usual), row.max) << row.name;
     EXPECT_NE(std::string(row.meaning), "") << row.name;
   }
 }
 
 TEST(Limits, EachIsSetByItsNameAndChangesNothingElse) {
   for (const LimitRow& row : limit_rows())
-    for (const double value : {row.least, row.most}) {
+    for (const double value : {row.min, row.max}) {
       if (!row.meaning) continue;
       Limits limits;
       set_limit(limits, row.name, value);
@@ -61,27 +61,28 @@ TEST(Limits, ThoseThatNobodySetsAreConstants) {
     settable += row.meaning != nullptr;
   }
   EXPECT_EQ(settable, 20U);
-  EXPECT_EQ(why_refused("most_samples", 100), "most_samples: it is a constant, 16384; take the line out");
+  EXPECT_EQ(why_refused("max_samples", 100), "max_samples: it is a constant, 16384; take the line out");
 }
 
 TEST(Limits, WhatIsBeyondItsRangeIsRefusedByName) {
   for (const LimitRow& row : limit_rows())
-    for (const double value : {row.least - 1, 2 * row.most + 1, std::nan(""), HUGE_VAL, -HUGE_VAL})
+    for (const double value : {row.min - 1, 2 * row.max + 1, std::nan(""), HUGE_VAL, -HUGE_VAL})
       EXPECT_EQ(why_refused(row.name, value).find(std::string(row.name) + ": "), 0U) << value;
-  EXPECT_NE(why_refused("most_scenes", 3.5).find("whole"), std::string::npos);
-  EXPECT_EQ(why_refused("most_spoons", 3).find("most_spoons: "), 0U);
+  EXPECT_NE(why_refused("max_scenes", 3.5).find("whole"), std::string::npos);
+  EXPECT_EQ(why_refused("max_spoons", 3).find("max_spoons: "), 0U);
+  EXPECT_EQ(why_refused("most_scenes", 3), "most_scenes: it is called max_scenes now");
 }
 
-// Any two that are set fit together: the least that is asked for is never above the most.
-TEST(Limits, WhatIsLeastNeverPassesWhatIsMost) {
+// Any two that are set fit together.
+TEST(Limits, NoMinimumPassesItsMaximum) {
   std::map<std::string, const LimitRow*> rows;
   for (const LimitRow& row : limit_rows()) rows[row.name] = &row;
   std::size_t pairs = 0;
   for (const auto& [name, row] : rows) {
-    const auto most = rows.find("most_" + (name.size() > 6 ? name.substr(6) : ""));
-    if (name.rfind("least_", 0) != 0 || most == rows.end()) continue;
+    const auto max = rows.find("max_" + (name.size() > 4 ? name.substr(4) : ""));
+    if (name.rfind("min_", 0) != 0 || max == rows.end()) continue;
     const auto bound = [](const LimitRow& of, double set) { return of.meaning ? set : of.value({}); };
-    EXPECT_LE(bound(*row, row->most), bound(*most->second, most->second->least)) << name;
+    EXPECT_LE(bound(*row, row->max), bound(*max->second, max->second->min)) << name;
     ++pairs;
   }
   EXPECT_GE(pairs, 9U);

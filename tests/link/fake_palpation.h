@@ -28,8 +28,8 @@ struct FakeAccount {
   std::uint64_t refused = 0;  // streams, for now
   std::uint64_t poses = 0;
   std::uint64_t answers = 0;
-  std::uint64_t most_unacknowledged = 0;  // answers, as the client's poses acknowledge them
-  std::uint64_t most_unanswered = 0;      // poses in flight, when one came that was no heartbeat
+  std::uint64_t max_unacknowledged = 0;  // answers, as the client's poses acknowledge them
+  std::uint64_t max_unanswered = 0;      // poses in flight, when one came that was no heartbeat
   std::uint64_t disorder = 0;             // poses whose sequence did not increase, over all streams
   std::uint64_t wrong_acknowledgements = 0;
   double last_x_m = 0;  // of a pose
@@ -229,8 +229,8 @@ class FakePalpation final : public v1::Palpation::Service {
     // A heartbeat, of a busy machine too, goes out whatever is unanswered.
     constexpr std::int64_t kHeartbeatNs = 50'000'000;
     if (pose.stamp().monotonic_ns() - mailbox.pose.stamp().monotonic_ns() < kHeartbeatNs)
-      account_.most_unanswered =
-          std::max(account_.most_unanswered, pose.sequence() - mailbox.answered_sequence);
+      account_.max_unanswered =
+          std::max(account_.max_unanswered, pose.sequence() - mailbox.answered_sequence);
     mailbox.pose = last_pose_ = pose;
     mailbox.arrived = std::chrono::steady_clock::now();
     mailbox.fresh = true;
@@ -270,8 +270,8 @@ class FakePalpation final : public v1::Palpation::Service {
       std::lock_guard lock(mutex_);
       ++mailbox.answers;
       ++account_.answers;
-      account_.most_unacknowledged =
-          std::max(account_.most_unacknowledged, mailbox.answers - mailbox.acknowledged);
+      account_.max_unacknowledged =
+          std::max(account_.max_unacknowledged, mailbox.answers - mailbox.acknowledged);
       mailbox.answered_sequence = answer.sequence();
       changed_.notify_all();
     }

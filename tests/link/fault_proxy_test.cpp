@@ -134,14 +134,14 @@ TEST(FaultProxy, ADelayIsThatOfEveryByteAndLowersNoThroughput) {
   FaultProxy proxy(echo.address);
   proxy.play({.faults = both({.delay_s = 0.1})});
   Peer peer(proxy.address());
-  std::string text(8 * FaultProxy::kMostQueuedBytes, ' ');
+  std::string text(8 * FaultProxy::kMaxQueuedBytes, ' ');
   for (std::size_t k = 0; k < text.size(); ++k) text[k] = static_cast<char>('a' + k % 23);
   const double begin_s = now_s();
   std::thread saying([&] { peer.say(text); });
   EXPECT_EQ(peer.hear(text.size(), 5), text);
   saying.join();
   EXPECT_GE(now_s() - begin_s, 0.2);
-  EXPECT_LE(now_s() - begin_s, 0.8) << "at least 0.9 s where a way holds kMostQueuedBytes";
+  EXPECT_LE(now_s() - begin_s, 0.8) << "at least 0.9 s where a way holds kMaxQueuedBytes";
 }
 
 TEST(FaultProxy, ALongNarrowLinkAddsItsDelayToTheSendingAndKeepsMessagesApart) {

@@ -153,10 +153,10 @@ TEST(LawBook, IsBoundedWhateverASenderSends) {
   for (int k = 0; k < 4000; ++k)
     ASSERT_TRUE(book.take(piece_of(++number, {0.002 * k, 0.002 * k + 0.001}), 4.0));
   const auto law = book.fresh(4.0);
-  EXPECT_EQ(law->count, NearLaw::kMost);
+  EXPECT_EQ(law->count, NearLaw::kMax);
   // As far to the left of the finger as to the right.
   EXPECT_NEAR(law->columns[0].x_m, 4.0 - 0.032, 0.002);
-  EXPECT_NEAR(law->columns[NearLaw::kMost - 1].x_m, 4.0 + 0.032, 0.002);
+  EXPECT_NEAR(law->columns[NearLaw::kMax - 1].x_m, 4.0 + 0.032, 0.002);
   EXPECT_FALSE(covers(book, 0.0005, 0));
 }
 

@@ -19,7 +19,7 @@ struct Link {
 struct Flown {
   std::vector<double> ages_s;  // of the answers, in their order
   std::vector<double> received_s;
-  unsigned most_in_flight = 0;
+  unsigned max_in_flight = 0;
   double answers_per_s(double from_s, double to_s) const {
     return static_cast<double>(std::count_if(received_s.begin(), received_s.end(),
                                              [&](double s) { return s >= from_s && s < to_s; })) /
@@ -64,7 +64,7 @@ Flown run(Pacing pacing, double seconds, LinkAt&& link_at, double seldom_until_s
     last_s = std::max(last_s, free_s);  // in order
     flights.push_back({++sequence, now_s, last_s});
     pacing.sent(sequence);
-    flown.most_in_flight = std::max(flown.most_in_flight, static_cast<unsigned>(flights.size()));
+    flown.max_in_flight = std::max(flown.max_in_flight, static_cast<unsigned>(flights.size()));
     const double interval_s = std::max(pacing.interval_s(), now_s < seldom_until_s ? kSeldomS : 0);
     next_s = std::max(next_s + interval_s, now_s + interval_s / 2);
   }
@@ -77,7 +77,7 @@ TEST(Pacing, FillsAConstantRoundTripWithTheNegotiatedRate) {
   for (const double round_trip_s : {0.0003, 0.05, 0.1, 0.2, 0.3}) {
     const Flown touched = run(Pacing(kPeriodS, 256), 10, [&](double) { return Link{round_trip_s}; });
     EXPECT_GE(touched.answers_per_s(5, 10), 0.95 / kPeriodS) << round_trip_s;
-    EXPECT_LE(touched.most_in_flight, 3 + round_trip_s / kPeriodS) << round_trip_s;
+    EXPECT_LE(touched.max_in_flight, 3 + round_trip_s / kPeriodS) << round_trip_s;
     EXPECT_LE(touched.age_s(1, 0), round_trip_s + kPeriodS) << round_trip_s;
     // Soon, too: twice as many with each round trip.
     EXPECT_GE(touched.answers_per_s(10 * round_trip_s, 5), 0.9 / kPeriodS) << round_trip_s;
@@ -86,14 +86,14 @@ TEST(Pacing, FillsAConstantRoundTripWithTheNegotiatedRate) {
 
 TEST(Pacing, ALoneLoopbackIsLeftAsItWas) {
   const Flown touched = run(Pacing(kPeriodS, 256), 3, [](double) { return Link{0.0003}; });
-  EXPECT_LE(touched.most_in_flight, Pacing::kFewest);
+  EXPECT_LE(touched.max_in_flight, Pacing::kFewest);
 }
 
 TEST(Pacing, NeverMoreThanTheCredit) {
-  EXPECT_EQ(run(Pacing(kPeriodS, 8), 5, [](double) { return Link{0.1}; }).most_in_flight, 8u);
-  EXPECT_EQ(run(Pacing(kPeriodS, 1), 5, [](double) { return Link{0.1}; }).most_in_flight, 1u);
-  EXPECT_EQ(run(Pacing(0.001, 1'000'000), 30, [](double) { return Link{0.4}; }).most_in_flight,
-            Pacing::kMost);
+  EXPECT_EQ(run(Pacing(kPeriodS, 8), 5, [](double) { return Link{0.1}; }).max_in_flight, 8u);
+  EXPECT_EQ(run(Pacing(kPeriodS, 1), 5, [](double) { return Link{0.1}; }).max_in_flight, 1u);
+  EXPECT_EQ(run(Pacing(0.001, 1'000'000), 30, [](double) { return Link{0.4}; }).max_in_flight,
+            Pacing::kMax);
 }
 
 TEST(Pacing, ANarrowLinkIsFilledAndBuildsNoQueue) {

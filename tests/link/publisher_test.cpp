@@ -145,7 +145,7 @@ TEST(Publisher, IsForThisUserAloneAndForSoManyAtOnce) {
   EXPECT_EQ(status.st_mode & 0777, 0600u);
   std::vector<std::unique_ptr<Watcher>> watchers;
   v1::RecordEntry entry;
-  for (std::size_t n = 0; n < Publisher::kMostPeers; ++n) {
+  for (std::size_t n = 0; n < Publisher::kMaxPeers; ++n) {
     watchers.push_back(std::make_unique<Watcher>(socket_path("many")));
     ASSERT_TRUE(watchers.back()->next(entry)) << n;
   }

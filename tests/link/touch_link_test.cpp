@@ -23,8 +23,8 @@ TEST(TouchLink, CreditIsNeverExceededAndPosesAreInOrder) {
   Operator person(test::socket_address("credit"));
   ASSERT_TRUE(service.wait_until(answers_at_least(100)));
   const FakeAccount account = service.account();
-  EXPECT_LE(account.most_unacknowledged, 2u);
-  EXPECT_LE(account.most_unanswered, 2u);
+  EXPECT_LE(account.max_unacknowledged, 2u);
+  EXPECT_LE(account.max_unanswered, 2u);
   EXPECT_EQ(account.disorder, 0u);
   EXPECT_EQ(account.wrong_acknowledgements, 0u);
   EXPECT_EQ(account.streams, 1u);

@@ -89,7 +89,7 @@ TEST(TouchPeers, AServiceThatRefusesALargeCreditIsAskedForLess) {
   service.refuses_credit_above = 8;
   service.serve();
   Operator finger(test::socket_address("older"),
-                  [](TouchLinkOptions& options) { options.open.set_credit(Pacing::kMost); });
+                  [](TouchLinkOptions& options) { options.open.set_credit(Pacing::kMax); });
   EXPECT_TRUE(service.wait_until(answers_at_least(10)));
   EXPECT_EQ(finger.link->failure(), "");
 }
@@ -105,10 +105,10 @@ TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {
   answer.set_status(v1::TOUCH_STATUS_NOT_COVERED);
   for (const double m : {0.02, 0.0, 0.0}) answer.add_position_m(m);
   answer.mutable_answer_stamp()->set_instance(5);
-  constexpr auto kMost = std::numeric_limits<std::int64_t>::max();
+  constexpr auto kMax = std::numeric_limits<std::int64_t>::max();
   for (const auto& [left_ns, queued_ns, compute_ns] :
-       {std::tuple(kMost, std::int64_t{1}, std::int64_t{1}), std::tuple(std::int64_t{1000}, kMost, kMost),
-        std::tuple(-kMost, kMost, std::int64_t{1}),
+       {std::tuple(kMax, std::int64_t{1}, std::int64_t{1}), std::tuple(std::int64_t{1000}, kMax, kMax),
+        std::tuple(-kMax, kMax, std::int64_t{1}),
         std::tuple(std::int64_t{1000}, std::int64_t{-5}, std::int64_t{1})}) {
     answer.mutable_answer_stamp()->set_monotonic_ns(left_ns);
     answer.set_queued_ns(queued_ns);

@@ -216,9 +216,9 @@ TEST_F(ComputeNodes, GiveFiguresToWhomTheyNameAndBoundConnections) {
   EXPECT_EQ(head(2, "/readyz").substr(0, 12), "HTTP/1.1 200");
   EXPECT_EQ(head(2, "/other").substr(0, 12), "HTTP/1.1 403");
   // More than 64 connections of one host are closed at once; another host, as the front is, does not notice.
-  constexpr int kMost = 64, kMore = 20;
+  constexpr int kMax = 64, kMore = 20;
   std::list<test::HttpPeer> held;
-  for (int k = 0; k < kMost + kMore; ++k) held.emplace_back(50052, loopback(1).c_str(), loopback(3).c_str());
+  for (int k = 0; k < kMax + kMore; ++k) held.emplace_back(50052, loopback(1).c_str(), loopback(3).c_str());
   int closed = 0;
   EXPECT_TRUE(within([&] {
     closed += static_cast<int>(held.remove_if([](const test::HttpPeer& peer) { return peer.closed(); }));

@@ -143,7 +143,7 @@ def test_a_slow_peer_misses_what_is_old(server):
 
 
 def test_as_many_peers_as_may(said):
-    with igtl.Server(port=0, most_peers=2) as server:
+    with igtl.Server(port=0, max_peers=2) as server:
         clients = [connected(server, k + 1) for k in range(2)]
         assert Client(server.port).socket.recv(1) == b""
         assert said("2 peers are connected, as many as may be")

@@ -98,10 +98,10 @@ def test_who_asks_rarely_gets_the_newest_and_goes_on_where_the_stream_has_ended(
 def test_refused_and_over(service, lump):
     with pytest.raises(teletact.InvalidArgument, match="maps"):
         service.observe(lump, maps=["taste"])
-    with service.observe(lump, most_rate_hz=1000.0) as seen:
+    with service.observe(lump, max_rate_hz=1000.0) as seen:
         with pytest.raises(teletact.InvalidArgument) as caught:
             seen.next()
-        assert caught.value.field == "open.most_rate_hz" and caught.value.remedy
+        assert caught.value.field == "open.max_rate_hz" and caught.value.remedy
     with service.observe("nowhere") as seen, pytest.raises(teletact.NotFound):
         seen.next()
     service.create_scene("gone", size_m=(0.1, 0.04))
@@ -117,7 +117,7 @@ def test_refused_and_over(service, lump):
 def test_a_task_that_is_cancelled_leaves_no_stream(process, lump):
     async def work():
         async with await teletact.aio.connect(process.address) as service:
-            async with service.observe(lump, most_rate_hz=0.1) as seen:
+            async with service.observe(lump, max_rate_hz=0.1) as seen:
                 await seen.next()
                 with pytest.raises(TimeoutError):
                     async with asyncio.timeout(0.2):

@@ -18,7 +18,7 @@ from teletact import channel, scenes
 
 def test_info_names_device_and_limits(service):
     info = service.info()
-    assert info.device and info.instance and info.limits["most_credit"] == 256
+    assert info.device and info.instance and info.limits["max_credit"] == 256
 
 
 def test_a_scene_is_as_it_was_given(service):

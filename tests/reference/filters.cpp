@@ -101,7 +101,7 @@ std::vector<double> reference_stress(int nx, const std::vector<double>& axial_st
   for (std::size_t n = 0; n < modulus.size(); ++n) {
     const double ratio = amplitude * stress[n] / axial_strain[n];
     const bool near_field = static_cast<int>(n) / nx < limits.first_row;
-    if (!trusted[n] || near_field || !(std::abs(axial_strain[n]) >= limits.least_strain)) continue;
+    if (!trusted[n] || near_field || !(std::abs(axial_strain[n]) >= limits.min_strain)) continue;
     if (ratio >= 1 / limits.range && ratio <= limits.range) modulus[n] = scale * ratio;
   }
   return modulus;

@@ -31,7 +31,7 @@ VectorField smooth(const VectorField&);
 double bilinear(const std::vector<double>& values, int nx, int ny, double column, double row);
 
 struct ReferenceStressLimits {
-  double least_strain = 0, range = 0;
+  double min_strain = 0, range = 0;
   int first_row = 0;
 };
 

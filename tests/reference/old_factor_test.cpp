@@ -50,7 +50,7 @@ double condition(const Material& old, const Material& now) {
 }
 
 // Iterations after which 2 ((sqrt c - 1) / (sqrt c + 1))^k <= reduction (Saad, Iterative Methods, eq. 6.128).
-int most_iterations(double c, double reduction) {
+int max_iterations(double c, double reduction) {
   const double root = std::sqrt(c);
   return int(std::ceil(std::log(reduction / 2) / std::log((root - 1) / (root + 1))));
 }
@@ -107,7 +107,7 @@ TEST(OldFactor, IterationsStayWithinTheBoundWhateverNuAndMesh) {
         const TissueGrid grid = grid_of(elements);
         const Material old = changed(uniform_material(grid, nu), 9, 3), now = changed(old, change, 4);
         const int count = iterations(grid, old, now);
-        EXPECT_LE(count, most_iterations(condition(old, now), 1e-6))
+        EXPECT_LE(count, max_iterations(condition(old, now), 1e-6))
             << change << " " << nu << " " << elements;
         EXPECT_LE(count, expected) << change << " " << nu << " " << elements;
       }
@@ -121,7 +121,7 @@ TEST(OldFactor, UniformModulusIsAPreconditionerForContrast) {
     for (std::size_t n = 0; n < now.youngs_modulus_pa.size(); ++n)
       now.youngs_modulus_pa[n] *= n / 5 % 3 == 0 ? 10 : 1;
     const int count = iterations(grid, old, now);
-    EXPECT_LE(count, most_iterations(10, 1e-6)) << nu;
+    EXPECT_LE(count, max_iterations(10, 1e-6)) << nu;
     EXPECT_LE(count, 26) << nu;
   }
 }

@@ -117,14 +117,14 @@ void add_edges(System& s, const NodeGrid& g, const std::vector<Pair>& field, con
 
 double unexplained_part(const RfImage& mean, const RfImage& difference, const NodeGrid& g, int i, int j,
                         const std::vector<double>& noise, const RegularisedModel& model) {
-  constexpr double kLeast = 0.05;
+  constexpr double kMin = 0.05;
   Pulse sum;
   for (int n = std::max(0, j - model.noise_radius); n <= std::min(g.ny - 1, j + model.noise_radius); ++n)
     for (int m = std::max(0, i - model.noise_radius); m <= std::min(g.nx - 1, i + model.noise_radius); ++m)
       add_cell(sum, mean, difference, g, m, n, model.cauchy_squared * noise[g.at(m, n)]);
   if (!(sum.dd > 0)) return 1;
   const double explained = sum.with.dot(sum.normal.ldlt().solve(sum.with));
-  return std::max(kLeast, 1 - explained / sum.dd);
+  return std::max(kMin, 1 - explained / sum.dd);
 }
 
 std::vector<Pair> edge_bias(const NodeGrid& g, const std::vector<Pair>& information,

@@ -7,7 +7,7 @@
 namespace teletact::reference {
 
 StrainTensor least_squares_strain(const DisplacementField& f, int i, int j, int half_columns, int half_rows,
-                                  double least_fraction) {
+                                  double min_fraction) {
   std::vector<Eigen::Vector3d> rows;
   std::vector<Eigen::Vector2d> values;
   int inside = 0;
@@ -20,7 +20,7 @@ StrainTensor least_squares_strain(const DisplacementField& f, int i, int j, int 
       values.emplace_back(f.lateral[node], f.axial[node]);
     }
   const auto count = static_cast<Eigen::Index>(rows.size());
-  if (count < 4 || static_cast<double>(count) < least_fraction * inside) return {};
+  if (count < 4 || static_cast<double>(count) < min_fraction * inside) return {};
   Eigen::MatrixXd plane(count, 3), u(count, 2);
   for (Eigen::Index n = 0; n < count; ++n) {
     plane.row(n) = rows[static_cast<std::size_t>(n)].transpose();

@@ -15,13 +15,13 @@ struct DisplacementField {
 };
 
 struct StrainTensor {
-  bool determined = false;  // at least `least_fraction` of the kernel inside the grid trusted, and >= 4 nodes
+  bool determined = false;  // at least `min_fraction` of the kernel inside the grid trusted, and >= 4 nodes
   double lateral = 0, axial = 0, shear = 0;  // shear: tensor component
   double residual_m = 0;                     // rms of the axial displacement about the plane
 };
 
 // At node (i, j), kernel of (2 half_columns + 1) x (2 half_rows + 1) nodes cut at the grid's border.
 StrainTensor least_squares_strain(const DisplacementField&, int i, int j, int half_columns, int half_rows,
-                                  double least_fraction);
+                                  double min_fraction);
 
 }  // namespace teletact::reference

@@ -114,16 +114,16 @@ TEST(ForceChain, OldModelsAreDegradedAndFaded) {
 TEST(ForceChain, AgesAboutTheLimitDoNotFlicker) {
   ForceChain chain({});
   ForceChainInput input = pressed(0.6);
-  double least_n = 1, last_n = 0;
+  double min_n = 1, last_n = 0;
   for (int n = 0; n < 3000; ++n) {
     input.model_age_s = 0.249 + 0.001 * (n % 4);
     const ForceChainOutput output = chain.apply(input);
     if (n < 1000) continue;
     EXPECT_TRUE(output.degraded) << n;
-    if (n > 1000) least_n = std::min(least_n, output.force_n.norm() / last_n);
+    if (n > 1000) min_n = std::min(min_n, output.force_n.norm() / last_n);
     last_n = output.force_n.norm();
   }
-  EXPECT_GT(least_n, 0.99) << "the force is steady";
+  EXPECT_GT(min_n, 0.99) << "the force is steady";
   input.model_age_s = 0.2;
   settle(chain, input, 100);
   EXPECT_FALSE(chain.apply(input).degraded);

@@ -115,13 +115,13 @@ TEST(LawLedger, WhatIsDissipatedPaysOnce) {
 
 // Pressed, another law, slid off and on again while that is blended in, and lifted.
 TEST(LawLedger, AChangeOfLawUnderAPressedFingerGivesNoEnergyNeitherAtTheCapsNorAtTheFlankOfAnInclusion) {
-  for (const double most_n :
+  for (const double max_n :
        {3.3, 0.35})  // the second is reached, where a harder law holds more at the same force
     for (const double stiffest_n_m : {700.0, 150.0})
       for (const double from : {1.0, 2.0, 4.0})
         for (const double to : {1.0, 2.0, 4.0}) {
           if (from == to) continue;
-          Loop loop({.largest_force_n = most_n, .largest_stiffness_n_m = stiffest_n_m});
+          Loop loop({.largest_force_n = max_n, .largest_stiffness_n_m = stiffest_n_m});
           const auto now_is = [&](double contrast, std::uint64_t version) {
             loop.answers(tissue_of(contrast), version);
             loop.law(test::law_of(tissue_of(contrast), version, -0.02, 0.07));
@@ -139,8 +139,8 @@ TEST(LawLedger, AChangeOfLawUnderAPressedFingerGivesNoEnergyNeitherAtTheCapsNorA
           loop.move(kInclusionM + 0.010, -0.001, 0.05);
           EXPECT_TRUE(loop.now().by_law);
           EXPECT_GT(loop.in_j() + loop.dissipated_j(), -kRounding * loop.held_j())
-              << most_n << ' ' << from << ' ' << to;
-          EXPECT_LT(loop.short_j(), kRounding * loop.held_j()) << most_n << ' ' << from << ' ' << to;
+              << max_n << ' ' << from << ' ' << to;
+          EXPECT_LT(loop.short_j(), kRounding * loop.held_j()) << max_n << ' ' << from << ' ' << to;
         }
 }
 

@@ -45,7 +45,7 @@ TEST(Passivity, AnIdealSpringIsLeftAloneHoweverMuchItHolds) {
   for (const double stiffness_n_m : {200.0, 800.0}) {
     PassivityController controller({});
     const auto stored_j = [&](double y_m) { return 0.5 * stiffness_n_m * y_m * y_m; };
-    double y_m = 0, most_j = 0;
+    double y_m = 0, max_j = 0;
     const auto go = [&](double to_m, double speed_m_s) {
       const int steps = static_cast<int>(std::lround(std::abs(to_m - y_m) / speed_m_s / 0.001));
       const double step_m = (to_m - y_m) / steps;
@@ -54,15 +54,15 @@ TEST(Passivity, AnIdealSpringIsLeftAloneHoweverMuchItHolds) {
         const double middle_n = stiffness_n_m * (y_m + step_m / 2);
         controller.observe({0, y_m + step_m, 0}, {0, -middle_n, 0}, stored_j(y_m + step_m), true, 0.001);
         EXPECT_GE(controller.energy_j(), -1e-12) << stiffness_n_m << ' ' << y_m;
-        most_j = std::max(most_j, controller.stored_j());
+        max_j = std::max(max_j, controller.stored_j());
       }
     };
     controller.observe({0, 0, 0}, {0, 0, 0}, 0, true, 0.001);
     go(0.014, 0.02);
     go(0, 0.5);
     EXPECT_NEAR(controller.energy_j(), 0, 1e-12);
-    EXPECT_NEAR(most_j, stored_j(0.014), 1e-9);
-    EXPECT_GT(most_j, stiffness_n_m > 500 ? 0.05 : 0.01);  // the reserve is 0.02
+    EXPECT_NEAR(max_j, stored_j(0.014), 1e-9);
+    EXPECT_GT(max_j, stiffness_n_m > 500 ? 0.05 : 0.01);  // the reserve is 0.02
   }
 }
 

@@ -53,18 +53,18 @@ class BeforeAuthority : public testing::Test {
   std::string address() { return server->address(); }
   // A peer makes calls until it is cut: the most bytes that the heap grows by meanwhile.
   std::size_t growth_until_cut(const std::function<std::string(std::uint32_t stream)>& call) {
-    constexpr std::uint32_t kMostCalls = 60'000, kAtOnce = 100;
+    constexpr std::uint32_t kMaxCalls = 60'000, kAtOnce = 100;
     Http2Peer peer(address());
     const std::size_t before = heap_bytes();
     std::size_t most = before;
     std::uint32_t calls = 0;
-    for (bool there = true; there && calls < kMostCalls; calls += kAtOnce) {
+    for (bool there = true; there && calls < kMaxCalls; calls += kAtOnce) {
       std::string bytes;
       for (std::uint32_t k = calls; k < calls + kAtOnce; ++k) bytes += call(2 * k + 1);
       there = peer.send(bytes) && peer.receive();
       most = std::max(most, heap_bytes());
     }
-    EXPECT_LT(calls, kMostCalls) << "it goes on";
+    EXPECT_LT(calls, kMaxCalls) << "it goes on";
     return most - before;
   }
   RunningServer server;
@@ -118,25 +118,25 @@ TEST_F(BeforeAuthority, BytesThatAreNoCallsCutTheConnection) {
 
 class FewUnknown : public BeforeAuthority {
  protected:
-  static constexpr std::size_t kMost = 16;
+  static constexpr std::size_t kMax = 16;
   FewUnknown() : BeforeAuthority({}, limits()) {}
   static ConnectionLimits limits() {
     ConnectionLimits limits;
-    limits.most_unknown = kMost;
-    limits.least_for_showing = std::chrono::milliseconds(20);
+    limits.max_unknown = kMax;
+    limits.min_for_showing = std::chrono::milliseconds(20);
     return limits;
   }
 };
 
 TEST_F(FewUnknown, IdleConnectionsGiveWay) {
   std::vector<Http2Peer> idle;
-  for (std::size_t k = 0; k < 2 * kMost; ++k) idle.emplace_back(address());
+  for (std::size_t k = 0; k < 2 * kMax; ++k) idle.emplace_back(address());
   const auto channel = server.channel();
   EXPECT_TRUE(get_info(channel).ok());
-  EXPECT_LE(server->core().connections.count(), kMost + 3);
+  EXPECT_LE(server->core().connections.count(), kMax + 3);
   EXPECT_FALSE(idle.front().receive(10'000) && idle.front().receive(10'000)) << "the oldest stays";
   // One that has shown who it is stays.
-  for (std::size_t k = 0; k < kMost; ++k) idle.emplace_back(address());
+  for (std::size_t k = 0; k < kMax; ++k) idle.emplace_back(address());
   EXPECT_TRUE(get_info(channel).ok());
 }
 
@@ -144,7 +144,7 @@ TEST_F(FewUnknown, IdleConnectionsGiveWay) {
 TEST_F(FewUnknown, TheHostThatHasMostGivesWay) {
   Http2Peer alone(address(), "", 2);
   std::vector<Http2Peer> many;
-  for (std::size_t k = 0; k < 3 * kMost; ++k) many.emplace_back(address());
+  for (std::size_t k = 0; k < 3 * kMax; ++k) many.emplace_back(address());
   EXPECT_TRUE(get_info(server.channel()).ok());
   EXPECT_TRUE(alone.receive());
   EXPECT_TRUE(ends(many.front()));
@@ -155,8 +155,8 @@ class Crowd : public BeforeAuthority {
   Crowd() : BeforeAuthority({}, limits()) {}
   static ConnectionLimits limits() {
     ConnectionLimits limits;
-    limits.most_unknown = 4;
-    limits.least_for_showing = std::chrono::minutes(1);
+    limits.max_unknown = 4;
+    limits.min_for_showing = std::chrono::minutes(1);
     return limits;
   }
 };
@@ -244,7 +244,7 @@ TEST_F(BeforeAuthority, HeadersLongerThanAnnouncedAreRefused) {
     while (peer.received().find("grpc-status") == std::string::npos && peer.receive(1000) &&
            steady_clock::now() - begun < std::chrono::seconds(30))
       continue;
-    const bool served = peer.received().find("most_frame_bytes") != std::string::npos;
+    const bool served = peer.received().find("max_frame_bytes") != std::string::npos;
     EXPECT_EQ(served, bytes < 8192) << bytes;
   }
 }
@@ -255,7 +255,7 @@ class ShortPatience : public BeforeAuthority {
   static Limits limits() {
     Limits limits;
     limits.acknowledge_s = 0.1;
-    limits.most_touch_streams = 8;
+    limits.max_touch_streams = 8;
     return limits;
   }
 };
@@ -298,7 +298,7 @@ TEST_F(ShortPatience, OneClientDoesNotTakeAllPlacesForTouch) {
     v1::TouchResponse opened;
     return touch.stream->Read(&opened);
   };
-  for (std::uint64_t k = 0; k < limits().most_touch_streams / 2; ++k) ASSERT_TRUE(open("greedy")) << k;
+  for (std::uint64_t k = 0; k < limits().max_touch_streams / 2; ++k) ASSERT_TRUE(open("greedy")) << k;
   EXPECT_FALSE(open("greedy"));
   expect_refused(touches.back()->stream->Finish(), grpc::StatusCode::RESOURCE_EXHAUSTED, "this client's");
   EXPECT_TRUE(open("modest"));

@@ -16,7 +16,7 @@ class Idle : public Served {
 // its next call has a place, though gRPC is not done with the other one.
 TEST(Calls, APlaceIsFreeOnceItsCallIsToldTheEnd) {
   Limits limits;
-  limits.most_estimates = 4;
+  limits.max_estimates = 4;
   Calls calls(limits);
   calls.open();
   const auto idle = std::make_shared<Idle>();

@@ -81,13 +81,13 @@ class Trying {
 TEST(Cancelled, RefusedTouchIsFinishedOnce) {
   // GIVEN a service all of whose places are taken, by clients that are served
   Limits limits;
-  limits.most_touch_streams = 64;  // fewer than calls of one connection
+  limits.max_touch_streams = 64;  // fewer than calls of one connection
   RunningServer server("", "", limits);
   server->make_ready();
   ASSERT_TRUE(server.create(uniform_scene("s")).ok());
   const auto channel = server.channel();
   std::vector<std::unique_ptr<Toucher>> held;
-  for (std::size_t k = 0; k < limits.most_touch_streams; ++k) {
+  for (std::size_t k = 0; k < limits.max_touch_streams; ++k) {
     held.push_back(std::make_unique<Toucher>(channel, Toucher::open_on("s"), "client-" + std::to_string(k)));
     ASSERT_TRUE(held.back()->opened()) << k;
   }
@@ -124,7 +124,7 @@ TEST(Cancelled, ACallThatWaitsForImagingLeavesTheQueueAtOnceWithAllThatItHolds) 
   const auto held = [&] { return server->core().memory->held(Place::kHost, "anna@local"); };
   const auto stub = v1::Palpation::NewStub(server.channel());
   // WHEN a client asks for more scenes than may wait, and gives up each
-  for (std::size_t k = 0; k <= FairQueue::kMostWaitingPerClient; ++k) {
+  for (std::size_t k = 0; k <= FairQueue::kMaxWaitingPerClient; ++k) {
     grpc::ClientContext context;
     set_deadline(context);
     context.AddMetadata("teletact-client", "anna");

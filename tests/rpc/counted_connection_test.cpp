@@ -27,10 +27,10 @@ struct Pair {
 };
 
 TEST(CountedConnection, CallsThatPileUpCutIt) {
-  const int kMostOpen = ConnectionLimits{}.most_open;
+  const int kMaxOpen = ConnectionLimits{}.max_open;
   const Pair pair;
-  for (int k = 0; k < 10 * kMostOpen; ++k) pair.ours->begun(), pair.ours->ended();
-  for (int k = 0; k < kMostOpen; ++k) pair.ours->begun();
+  for (int k = 0; k < 10 * kMaxOpen; ++k) pair.ours->begun(), pair.ours->ended();
+  for (int k = 0; k < kMaxOpen; ++k) pair.ours->begun();
   EXPECT_FALSE(pair.cut());
   pair.ours->begun();
   EXPECT_TRUE(pair.cut());

@@ -58,10 +58,10 @@ TEST(HealthWatch, NoMoreThanStatedAndAProbeIsAnswered) {
   server->make_ready();
   std::vector<std::unique_ptr<Watch>> watches;
   auto channel = server.channel();
-  for (std::size_t k = 0; k <= HealthService::kMostWatches; ++k) {
+  for (std::size_t k = 0; k <= HealthService::kMaxWatches; ++k) {
     if (k % 128 == 0) channel = server.channel();  // fewer than calls of one connection
     watches.push_back(std::make_unique<Watch>(channel, ""));
-    EXPECT_EQ(watches.back()->next(), k < HealthService::kMostWatches ? kServing : 0) << k;
+    EXPECT_EQ(watches.back()->next(), k < HealthService::kMaxWatches ? kServing : 0) << k;
   }
   EXPECT_EQ(watches.back()->finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(health_of(server, ""), kServing);

@@ -120,21 +120,21 @@ TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
   };
   std::vector<std::unique_ptr<Watcher>> watchers;
   v1::FingerState state;
-  for (std::size_t k = 0; k <= Limits{}.most_watchers; ++k) {
+  for (std::size_t k = 0; k <= Limits{}.max_watchers; ++k) {
     auto& watcher = *watchers.emplace_back(std::make_unique<Watcher>());
     set_deadline(watcher.context);
     watcher.stream.emplace(*stub, watcher.context, "s");
-    if (k < Limits{}.most_watchers)
+    if (k < Limits{}.max_watchers)
       ASSERT_TRUE(watcher.stream->read(&state)) << k;
     else
       EXPECT_EQ(watcher.stream->finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   }
   std::vector<std::unique_ptr<Elastographer>> uploads;
-  for (std::size_t k = 0; k < Limits{}.most_estimates; ++k) {
+  for (std::size_t k = 0; k < Limits{}.max_estimates; ++k) {
     uploads.push_back(std::make_unique<Elastographer>(channel, "client-" + std::to_string(k)));
     uploads.back()->send(acquisition());
   }
-  while ((*server)->core().calls.count() < Limits{}.most_watchers + Limits{}.most_estimates)
+  while ((*server)->core().calls.count() < Limits{}.max_watchers + Limits{}.max_estimates)
     std::this_thread::yield();
   Elastographer one_too_many(channel, "another client");
   expect_refused(one_too_many.finish().status, grpc::StatusCode::RESOURCE_EXHAUSTED, "places for estimates");
@@ -145,7 +145,7 @@ TEST_F(Hostile, NoMoreWatchersAndUploadsThanStated) {
 }
 
 TEST_F(Hostile, OneClientDoesNotTakeAllPlacesForUploads) {
-  const std::size_t most = Limits{}.most_estimates;
+  const std::size_t most = Limits{}.max_estimates;
   std::vector<std::unique_ptr<Elastographer>> uploads;
   const auto upload_of = [&](const std::string& client) {
     uploads.push_back(std::make_unique<Elastographer>(channel, client));

@@ -86,12 +86,12 @@ class Http2Peer {
                     {":authority", "a"}, {"te", "trailers"},  {"content-type", "application/grpc"}};
     headers.insert(headers.end(), more.begin(), more.end());
     const std::string all = block(headers);
-    constexpr std::size_t kMost = 16384;  // of a frame
+    constexpr std::size_t kMax = 16384;  // of a frame
     std::string bytes =
-        frame(kHeaders, all.size() <= kMost ? kEndHeaders : kNone, stream, all.substr(0, kMost));
-    for (std::size_t at = kMost; at < all.size(); at += kMost)
+        frame(kHeaders, all.size() <= kMax ? kEndHeaders : kNone, stream, all.substr(0, kMax));
+    for (std::size_t at = kMax; at < all.size(); at += kMax)
       bytes +=
-          frame(kContinuation, at + kMost < all.size() ? kNone : kEndHeaders, stream, all.substr(at, kMost));
+          frame(kContinuation, at + kMax < all.size() ? kNone : kEndHeaders, stream, all.substr(at, kMax));
     return bytes;
   }
   static std::string reset(std::uint32_t stream) { return frame(kReset, kNone, stream, big_endian(8, 4)); }
@@ -113,10 +113,10 @@ class Http2Peer {
   }
   // HPACK's, without Huffman's code: a length of seven bits, then more of seven each.
   static std::string text(const std::string& in) {
-    constexpr std::size_t kMost = 127;
-    if (in.size() < kMost) return static_cast<char>(in.size()) + in;
-    std::string out(1, static_cast<char>(kMost));
-    std::size_t rest = in.size() - kMost;
+    constexpr std::size_t kMax = 127;
+    if (in.size() < kMax) return static_cast<char>(in.size()) + in;
+    std::string out(1, static_cast<char>(kMax));
+    std::size_t rest = in.size() - kMax;
     for (; rest >= 128; rest /= 128) out += static_cast<char>(128 + rest % 128);
     return out + static_cast<char>(rest) + in;
   }

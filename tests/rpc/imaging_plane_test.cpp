@@ -166,7 +166,7 @@ TEST_F(Plane, CancelledEstimateLeavesThePlaneToOthers) {
 // Eight estimates of one client, each longer than the other client's, and new to the engine one by one.
 TEST(ImagingCalls, LongEstimatesOfOneClientDoNotHoldAnothers) {
   Limits limits;
-  limits.most_estimates = 32, limits.client_memory_share = 1;
+  limits.max_estimates = 32, limits.client_memory_share = 1;
   RunningServer server("", "", limits);
   server->make_ready();
   const Wide fair(3);
@@ -220,8 +220,8 @@ TEST(ImagingCalls, EmptyChunksAreNoProgress) {
 
 TEST(ImagingCalls, UploadThatNeverGetsDoneIsEnded) {
   Limits limits;
-  limits.least_upload_s = 0.5;
-  limits.least_upload_rate = 1e12;
+  limits.min_upload_s = 0.5;
+  limits.min_upload_rate = 1e12;
   RunningServer server("", "", limits);
   server->make_ready();
   Elastographer call(server.channel());

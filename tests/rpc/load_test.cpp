@@ -69,7 +69,7 @@ TEST_F(Load, OneMoreThanCanBeServedIsRefusedAndTheAdmittedAreNot) {
   ASSERT_TRUE(soon([&] { return touch.overload(busy, TouchQueue::kLongTurns).has_value(); }));
   // WHEN it opens one more THEN it is told the load, and when to come again
   const grpc::Status refused = opened_by(kBusy);
-  expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, "least_touch_rate_hz");
+  expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, "min_touch_rate_hz");
   expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, "try again");
   // THEN its long turns come as seldom as they may
   EXPECT_TRUE(soon(

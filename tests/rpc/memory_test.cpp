@@ -88,7 +88,7 @@ TEST_F(SmallShare, AListOfScenesIsChargedToWhoAsksForIt) {
     return v1::Palpation::NewStub(server.channel())->ListScenes(&context, {}, &scenes);
   };
   EXPECT_TRUE(list().ok());
-  for (std::uint64_t k = 0; k < Limits{}.most_scenes; ++k) {
+  for (std::uint64_t k = 0; k < Limits{}.max_scenes; ++k) {
     v1::CreateSceneRequest request = uniform_scene("s" + std::to_string(k));
     request.clear_modulus();
     ASSERT_TRUE(server.create(request, "client " + std::to_string(k)).ok());

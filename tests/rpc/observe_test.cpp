@@ -60,7 +60,7 @@ class Observing : public OnOneServer {
  protected:
   static void SetUpTestSuite() {
     Limits limits;
-    limits.most_observers = 3;
+    limits.max_observers = 3;
     serve(limits);
   }
   struct Observer {
@@ -291,8 +291,8 @@ TEST_F(Observing, WhatCannotBeIsRefusedByItsField) {
   expect_refused(with([](auto& o) { o.add_maps("colour"); }), StatusCode::INVALID_ARGUMENT, "open.maps");
   expect_refused(with([](auto& o) { o.add_maps("valid"); }), StatusCode::INVALID_ARGUMENT, "open.maps");
   for (const double rate_hz : {-1.0, 0.01, 61.0, std::nan(""), std::numeric_limits<double>::infinity()})
-    expect_refused(with([&](auto& o) { o.set_most_rate_hz(rate_hz); }), StatusCode::INVALID_ARGUMENT,
-                   "open.most_rate_hz");
+    expect_refused(with([&](auto& o) { o.set_max_rate_hz(rate_hz); }), StatusCode::INVALID_ARGUMENT,
+                   "open.max_rate_hz");
   expect_refused(with([](auto& o) { o.set_session_id(std::string(1000, 'x')); }),
                  StatusCode::INVALID_ARGUMENT, "open.session_id");
   v1::ObserveRequest request;

@@ -295,14 +295,14 @@ TEST_F(Palpation, FingerIsWatched) {
 
 TEST_F(Palpation, ManyStreamsEndWhenTheirClientsDie) {
   Limits limits;
-  limits.most_touch_streams = 64;  // fewer than calls of one connection
+  limits.max_touch_streams = 64;  // fewer than calls of one connection
   RunningServer few("", "", limits);
   few->make_ready();
   ASSERT_TRUE(few.create(uniform_scene("s")).ok());
   const auto channel = few.channel();
   for (int round = 0; round < 3; ++round) {
     std::vector<std::unique_ptr<Toucher>> touchers;
-    for (std::size_t k = 0; k < limits.most_touch_streams; ++k) {
+    for (std::size_t k = 0; k < limits.max_touch_streams; ++k) {
       touchers.push_back(
           std::make_unique<Toucher>(channel, Toucher::open_on("s"), "client-" + std::to_string(k)));
       ASSERT_TRUE(touchers.back()->opened()) << k;
@@ -310,7 +310,7 @@ TEST_F(Palpation, ManyStreamsEndWhenTheirClientsDie) {
     Toucher one_too_many(channel, "s");
     const grpc::Status refused = one_too_many.finish();
     const std::string load =
-        "all " + std::to_string(limits.most_touch_streams) + " places for touch streams are taken; ";
+        "all " + std::to_string(limits.max_touch_streams) + " places for touch streams are taken; ";
     expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED, load.c_str());
     expect_refused(refused, grpc::StatusCode::RESOURCE_EXHAUSTED,
                    round == 0 ? "try again in " : " as of late: try again in ");

@@ -18,9 +18,9 @@ Limits short_times() {
   Limits limits;
   limits.first_message_s = limits.acknowledge_s = limits.answer_taken_s = 0.5;
   limits.touch_idle_s = 1;
-  limits.most_full_scenes = 3;
-  limits.most_unary_calls = 16;
-  limits.most_touch_streams = 64;  // fewer than calls of one connection
+  limits.max_full_scenes = 3;
+  limits.max_unary_calls = 16;
+  limits.max_touch_streams = 64;  // fewer than calls of one connection
   return limits;
 }
 
@@ -167,7 +167,7 @@ TEST_F(Slots, AnswersThatAreNotTakenHoldNoThreadAndAreCut) {
                                               "/teletact.v1.Palpation/GetScene", request));
   // THEN no more than stated are held, others are served meanwhile
   while ((*server)->core().calls.count() > 1) {
-    EXPECT_LE((*server)->core().calls.count(), 1 + short_times().most_full_scenes + 1);
+    EXPECT_LE((*server)->core().calls.count(), 1 + short_times().max_full_scenes + 1);
     grpc::ClientContext context;
     set_deadline(context);
     v1::ListScenesResponse scenes;
@@ -184,7 +184,7 @@ TEST_F(Slots, AnswersThatAreNotTakenHoldNoThreadAndAreCut) {
     refused += code == grpc::StatusCode::RESOURCE_EXHAUSTED;
   }
   EXPECT_EQ(cut + refused, unread.size());
-  EXPECT_GE(cut, short_times().most_full_scenes);
+  EXPECT_GE(cut, short_times().max_full_scenes);
   EXPECT_GE(refused, 1U);
 }
 
@@ -223,7 +223,7 @@ class Floods : public OnOneServer {};
 // to do.
 TEST_F(Floods, PosesAreReadNoFasterThanTwiceTheTouchRate) {
   constexpr int kPoses = 1000;
-  const double rate_hz = 2 * Limits{}.most_touch_rate_hz, at_once = 0.1 * rate_hz;
+  const double rate_hz = 2 * Limits{}.max_touch_rate_hz, at_once = 0.1 * rate_hz;
   Toucher flood(channel, "s");
   ASSERT_TRUE(flood.opened());
   flood.stop_acknowledging();
@@ -242,7 +242,7 @@ TEST_F(Floods, PosesAreReadNoFasterThanTwiceTheTouchRate) {
 TEST_F(Slots, OthersAreServedWhileOneFillsAllPlacesOfItsKind) {
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
   std::vector<std::unique_ptr<grpc::ClientReaderWriter<v1::TouchRequest, v1::TouchResponse>>> silent;
-  for (std::uint64_t k = 0; k < short_times().most_touch_streams; ++k) {
+  for (std::uint64_t k = 0; k < short_times().max_touch_streams; ++k) {
     contexts.push_back(std::make_unique<grpc::ClientContext>());
     set_deadline(*contexts.back());
     silent.push_back(stub->Touch(contexts.back().get()));

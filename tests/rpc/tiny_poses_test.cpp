@@ -43,12 +43,12 @@ TEST(TinyPoses, EveryFieldOfTheAnswerIsFinite) {
   server->make_ready();
   ASSERT_TRUE(server.create(uniform_scene("plane")).ok());
   ASSERT_TRUE(server.create(solid_scene("solid", 8, 4, [](double, double, double) { return 10e3F; })).ok());
-  constexpr double kLeast = std::numeric_limits<double>::denorm_min();
+  constexpr double kMin = std::numeric_limits<double>::denorm_min();
   for (const std::string scene : {"plane", "solid"}) {
     Toucher toucher(server.channel(), scene);
     ASSERT_TRUE(toucher.opened());
-    for (const double y_m : {kLeast, 1e-310, 1e-200, 1e-162, 1e-100, 1e-20, 1e-13, 1e-11})
-      for (const double x_m : {0.02, 0.02 + 1e-17, kLeast}) {
+    for (const double y_m : {kMin, 1e-310, 1e-200, 1e-162, 1e-100, 1e-20, 1e-13, 1e-11})
+      for (const double x_m : {0.02, 0.02 + 1e-17, kMin}) {
         v1::TouchAnswer answer;
         ASSERT_TRUE(toucher.touch(x_m, y_m, &answer));
         expect_finite(answer, scene + " at " + std::to_string(std::log10(y_m)));

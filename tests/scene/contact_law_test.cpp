@@ -164,14 +164,14 @@ TEST(ContactLaws, AreSampledOnceBesideTouchAndSharedByTipAndLayer) {
   EXPECT_EQ(ask({}), law);
   EXPECT_EQ(jobs.size(), 1u);
   // Others take the places of those that were asked for least recently.
-  for (std::size_t k = 1; k < ContactLaws::kMost; ++k) ask({.radius_m = 0.008 + 1e-4 * double(k)});
+  for (std::size_t k = 1; k < ContactLaws::kMax; ++k) ask({.radius_m = 0.008 + 1e-4 * double(k)});
   EXPECT_EQ(ask({}), law);
   ask({.radius_m = 0.02});
   EXPECT_EQ(ask({}), law);
-  EXPECT_EQ(jobs.size(), ContactLaws::kMost + 1);
+  EXPECT_EQ(jobs.size(), ContactLaws::kMax + 1);
   jobs[1]();  // of one whose place was taken: nothing is left to do
   EXPECT_FALSE(ask({.radius_m = 0.008 + 1e-4}));
-  EXPECT_EQ(jobs.size(), ContactLaws::kMost + 2);
+  EXPECT_EQ(jobs.size(), ContactLaws::kMax + 2);
 }
 
 TEST(ContactLaws, OfEachLayerAreItsOwnAndHeldInTheTissuesName) {

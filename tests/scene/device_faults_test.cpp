@@ -108,7 +108,7 @@ TEST_F(FaultyDevice, NanInTheStiffnessIsSaid) {
 }
 
 TEST_F(FaultyDevice, OutOfMemoryIsSaid) {
-  options_.most_array_bytes = 10000;
+  options_.max_array_bytes = 10000;
   expect_failure("exceeds the 10000 that");
 }
 
@@ -213,7 +213,7 @@ TEST_F(FaultyDevice, LostAmidACorrectionOfASolidItIsSaidAndAnotherTakesItsPlace)
 }
 
 TEST_F(FaultyDevice, SolidWithoutRoomIsSaid) {
-  options_.most_array_bytes = 10000;
+  options_.max_array_bytes = 10000;
   expect_failing_solid("exceeds the 10000 that");
 }
 

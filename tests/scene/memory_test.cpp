@@ -31,7 +31,7 @@ std::shared_ptr<MemoryBudget> budget_of(std::uint64_t host_bytes, double share =
 }
 
 SceneGeometry largest() {
-  return tissue(Limits{}.most_scene_width_m, Limits{}.most_scene_depth_m);
+  return tissue(Limits{}.max_scene_width_m, Limits{}.max_scene_depth_m);
 }
 
 // In use by malloc, large blocks included.
@@ -49,10 +49,10 @@ TEST(SceneMemory, EmptyScenesOfTheLargestSizeCostLessThanAMebibyteEach) {
   const auto budget = budget_of(1024 * kMiB);
   const std::uint64_t before = allocated();
   Scenes scenes({}, {}, machine_files(), budget);
-  for (std::uint64_t k = 0; k < Limits{}.most_scenes; ++k)
+  for (std::uint64_t k = 0; k < Limits{}.max_scenes; ++k)
     create_scene(scenes, "s" + std::to_string(k), largest(), std::nullopt, "anna");
-  EXPECT_LT(budget->held(Place::kHost), Limits{}.most_scenes * kMiB);
-  EXPECT_LT(allocated() - before, Limits{}.most_scenes * kMiB);
+  EXPECT_LT(budget->held(Place::kHost), Limits{}.max_scenes * kMiB);
+  EXPECT_LT(allocated() - before, Limits{}.max_scenes * kMiB);
 }
 
 TEST(SceneMemory, APublicationSharesWhatItDoesNotChange) {

@@ -212,7 +212,7 @@ TEST(Slices, AreRefusedByName) {
   EXPECT_EQ(stacks(slices_at({0, 0.004, 5e-6})).rfind("slices[2].pose.origin_m[2]", 0), 0u);
   EXPECT_EQ(stacks(slices_at({0, 0.5})).rfind("slices[1].pose.origin_m[2]", 0), 0u);
   Limits few;
-  few.most_solid_elements = 3 * 24 * 10;
+  few.max_solid_elements = 3 * 24 * 10;
   EXPECT_EQ(why([&] { stacked(grid(), slices_at({0, 1e-3, 2e-3, 3e-3}), few); }).rfind("slices: 4", 0), 0u);
   const ExplicitModulus full = stacked(grid(), slices_at({0, 1e-3, 2e-3}), few);
   EXPECT_EQ(why([&] { with_slice(full, slice_at(5e-3), few); }).rfind("slices: 4", 0), 0u);

@@ -98,7 +98,7 @@ TEST(SolidLayers, FeelANewSlice) {
   const TouchAnswer truth = touched(fresh, kBallX, 0.005, kBallZ);
   ASSERT_TRUE(truth.contact.solve.converged);
   EXPECT_NEAR(hard, -truth.contact.force_n[1],
-              2 * choices::kSolidForceError * hard + choices::kMostDrift * hard);
+              2 * choices::kSolidForceError * hard + choices::kMaxDrift * hard);
 }
 
 TEST(SolidLayers, AreRefusedWhereThereIsNone) {

@@ -343,7 +343,7 @@ TEST_F(StateOnDisk, WhoStandsByHasTheFolderOnceItIsLetGo) {
 
 TEST(Scenes, IdsAndLimitsAreChecked) {
   Limits limits;
-  limits.most_scenes = 3, limits.most_scene_elements = 100, limits.most_scene_columns = 20;
+  limits.max_scenes = 3, limits.max_scene_elements = 100, limits.max_scene_columns = 20;
   Scenes scenes({}, limits);
   EXPECT_THROW(create_scene(scenes, "../x", tissue(0.1, 0.03), std::nullopt), std::invalid_argument);
   EXPECT_THROW(create_scene(scenes, std::string(65, 'a'), tissue(0.1, 0.03), std::nullopt),

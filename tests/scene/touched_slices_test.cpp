@@ -17,7 +17,7 @@ namespace {
 // Of a finger that rests until corrections make its answer no better.
 TouchAnswer rested(TouchSession& session, const Vector3& position_m) {
   TouchAnswer answer = session.solve(position_m);
-  for (std::size_t made = 0; answer.contact.solve.improving && made < choices::kMostCorrections;) {
+  for (std::size_t made = 0; answer.contact.solve.improving && made < choices::kMaxCorrections;) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     answer = session.solve(position_m);
     made += answer.contact.solve.iterations > 0;
@@ -327,7 +327,7 @@ TEST(TouchedSlices, AWornFactorIsRenewed) {
   for (double& e : slice.youngs_modulus_pa) e *= 4;  // all layers alike: S0 is scaled
   scene->publish(slice);
   EXPECT_FALSE(scene->renewed());
-  EXPECT_LT(felt_as_made_anew(), 0.1 * choices::kMostDrift);
+  EXPECT_LT(felt_as_made_anew(), 0.1 * choices::kMaxDrift);
   for (std::size_t n = 24 * 5; n < 24 * 10; ++n) slice.youngs_modulus_pa[n] *= 6;
   scene->publish(slice);
   EXPECT_GT(felt_as_made_anew(), 0.01);
@@ -344,7 +344,7 @@ TEST(TouchedSlices, AWornFactorIsRenewed) {
   scene->renew(*renewed);
   EXPECT_EQ(scene->snapshot()->version, 6u);
   EXPECT_EQ(rested(session, {kBallX, 0.002, 0.001}).status, TouchStatus::kOk);
-  EXPECT_LE(felt_as_made_anew(), 0.1 * choices::kMostDrift);
+  EXPECT_LE(felt_as_made_anew(), 0.1 * choices::kMaxDrift);
   EXPECT_FALSE(scene->renewed());
 }
 

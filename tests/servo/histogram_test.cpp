@@ -75,7 +75,7 @@ TEST(TickStatistics, TakeNoMemoryHoweverLongTheSession) {
   EXPECT_EQ(statistics->period_s().count(), 99'999u);
   EXPECT_NEAR(statistics->lateness_s().percentile(0.5), 2.5e-4, 3e-6);
   EXPECT_NEAR(statistics->slack_s().percentile(0), 1e-3 - 499e-6, 1e-9);
-  EXPECT_EQ(statistics->changes().size(), TickStatistics::kMostChanges);
+  EXPECT_EQ(statistics->changes().size(), TickStatistics::kMaxChanges);
   EXPECT_NEAR(static_cast<double>(statistics->changes_left_out()), 2 * 100'000 / 7.0, 1010);
 }
 

@@ -264,7 +264,7 @@ std::int64_t FaultProxy::deliver(Pipe& pipe, std::int64_t now_ns, Connection& co
 std::vector<pollfd> FaultProxy::polls(std::int64_t now_ns) const {
   std::vector<pollfd> polls{{wake_, POLLIN, 0}, {listening_, POLLIN, 0}};
   const auto events = [now_ns](const Pipe& in, const Pipe& out) {
-    const bool read = !in.read_ended && in.queued_bytes(now_ns) < kMostQueuedBytes;
+    const bool read = !in.read_ended && in.queued_bytes(now_ns) < kMaxQueuedBytes;
     return static_cast<short>((read ? POLLIN : 0) | (out.blocked ? POLLOUT : 0));
   };
   for (const Connection& connection : connections_) {

@@ -6,7 +6,7 @@
 // takes is its turn on the wire, its sending, and the delay; a delay alone lowers no throughput.
 //
 // What it keeps of TCP: bytes of one connection and direction stay in order (a late chunk holds up all behind
-// it); a writer that fills kMostQueuedBytes before the wire, or behind a receiver that does not read, waits.
+// it); a writer that fills kMaxQueuedBytes before the wire, or behind a receiver that does not read, waits.
 // What it does not repeat: where the stream is cut into chunks depends on timing, so a seed fixes the
 // sequence of random choices, not the byte each falls on.
 #pragma once
@@ -57,7 +57,7 @@ struct FaultEvent {
 
 class FaultProxy {
  public:
-  static constexpr std::size_t kMostQueuedBytes = 256 << 10;  // per connection and direction, not on its way
+  static constexpr std::size_t kMaxQueuedBytes = 256 << 10;  // per connection and direction, not on its way
 
   // Passes connections on to `target`, "unix:/path" or "127.0.0.1:port". Throws std::runtime_error.
   explicit FaultProxy(std::string target, std::uint64_t seed = 1);

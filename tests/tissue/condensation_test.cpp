@@ -164,7 +164,7 @@ TEST(TissueModel, InteriorLayersUsedLastAreKept) {
   const TissueGrid grid = tests::uniform_grid(21, 9);
   const Material material = tests::inclusion(grid, 10, 0.49);
   const auto columns = range(0, 20);
-  const TissueModel model(grid, material, Supports{}, {.most_compliance_bytes = 2 * 8 * 42 * 42});
+  const TissueModel model(grid, material, Supports{}, {.max_compliance_bytes = 2 * 8 * 42 * 42});
   const std::weak_ptr<service::Compliance> one = model.condensed(1), two = model.condensed(2);
   const MatrixXd of_two = model.condensed(2)->among(columns, nullptr);
   model.condensed(1);
@@ -185,7 +185,7 @@ TEST(TissueModel, InteriorLayersAreMadeAgainWhicheverWay) {
   const TissueGrid grid = tests::uniform_grid(11, 30);
   const Material material = tests::inclusion(grid, 10, 0.49);
   const auto columns = range(0, 10);
-  const TissueModel model(grid, material, Supports{}, {.most_compliance_bytes = 29 * 22 * 22 * 8});
+  const TissueModel model(grid, material, Supports{}, {.max_compliance_bytes = 29 * 22 * 22 * 8});
   for (int pass = 0; pass < 2; ++pass)
     for (std::size_t row = 1; row < 29; ++row)
       EXPECT_LE(relative_difference(model.condensed(row)->among(columns, nullptr),

@@ -25,7 +25,7 @@ struct Case {
   std::string name;
   TissueGrid grid;
   std::vector<std::size_t> rows;
-  std::size_t most_compliance_bytes = std::size_t{256} << 20;  // small: interior rows column by column
+  std::size_t max_compliance_bytes = std::size_t{256} << 20;  // small: interior rows column by column
 };
 
 // Columns 1 mm apart under the finger and up to 8 mm beside it, as the tissue of windows is.
@@ -59,7 +59,7 @@ Eigen::MatrixXd compliance(const TissueModel& model, std::size_t row, service::S
 
 // Largest |dC_ij| / sqrt(C_ii C_jj) between the tissue in two units.
 double measured(const Case& c, const Material& material, std::size_t row, double* stated) {
-  const TissueModel model(c.grid, material, {}, {.most_compliance_bytes = c.most_compliance_bytes});
+  const TissueModel model(c.grid, material, {}, {.max_compliance_bytes = c.max_compliance_bytes});
   service::SolveReport report;
   const Eigen::MatrixXd here = compliance(model, row, &report);
   *stated = report.relative_error;
@@ -68,7 +68,7 @@ double measured(const Case& c, const Material& material, std::size_t row, double
   for (std::size_t k = 0; k < 2; ++k) {
     const service::Units& units = service::kOtherUnits[k];
     const TissueModel other(in_units(c.grid, units), in_units(material, units), {},
-                            {.most_compliance_bytes = c.most_compliance_bytes});
+                            {.max_compliance_bytes = c.max_compliance_bytes});
     const Eigen::MatrixXd difference = units.modulus * compliance(other, row, nullptr) - here;
     largest = std::max(largest, (difference.array() / (root * root.transpose()).array()).abs().maxCoeff());
   }

@@ -84,14 +84,14 @@ TEST_F(Outbox, SaysOverWhichSpanNoColumnOfItsVersionIsMissing) {
 
 TEST_F(Outbox, StopsWhereNothingIsAcknowledged) {
   acknowledges = false;
-  for (std::uint64_t k = 0; k < LawOutbox::kMostUnacknowledged; ++k) EXPECT_TRUE(next(0.02));
+  for (std::uint64_t k = 0; k < LawOutbox::kMaxUnacknowledged; ++k) EXPECT_TRUE(next(0.02));
   EXPECT_FALSE(next(0.02));
   outbox.acknowledge(1);
   EXPECT_TRUE(next(0.02));
   EXPECT_FALSE(next(0.02));
   EXPECT_THROW(outbox.acknowledge(0), std::invalid_argument);
-  EXPECT_THROW(outbox.acknowledge(LawOutbox::kMostUnacknowledged + 2), std::invalid_argument);
-  outbox.acknowledge(LawOutbox::kMostUnacknowledged + 1);
+  EXPECT_THROW(outbox.acknowledge(LawOutbox::kMaxUnacknowledged + 2), std::invalid_argument);
+  outbox.acknowledge(LawOutbox::kMaxUnacknowledged + 1);
 }
 
 TEST_F(Outbox, SendsANewVersionAgainAndNothingOfWindowsFarAway) {

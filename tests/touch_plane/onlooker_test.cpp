@@ -55,7 +55,7 @@ TEST_F(LookingOn, NobodyIsToldWhereNobodyLooks) {
 }
 
 TEST_F(LookingOn, TheNewestIsToldAtTheRateAndOnlyAfterTheLastWasAcknowledged) {
-  Onlooker onlooker(scene, {.answers = true, .most_rate_hz = 10});
+  Onlooker onlooker(scene, {.answers = true, .max_rate_hz = 10});
   const auto first = onlooker.due(begin, true, false);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->number, 1u);
@@ -115,7 +115,7 @@ TEST_F(LookingOn, ALayerWhoseStreamEndsInContactIsToldAtRest) {
 
 // However seldom it is told, what it is told is the newest.
 TEST_F(LookingOn, AnAnswerIsTheNewestAtAnyRate) {
-  Onlooker onlooker(scene, {.answers = true, .most_rate_hz = 0.5});
+  Onlooker onlooker(scene, {.answers = true, .max_rate_hz = 0.5});
   told(onlooker, begin);
   for (const double y_m : {0.001, 0.002, -0.001}) touch(y_m);
   const auto state = told(onlooker, begin + milliseconds(2001));
@@ -144,7 +144,7 @@ TEST_F(LookingOn, WishesThatCannotBeMetAreNamed) {
     }
   };
   for (const double rate_hz : {-1.0, 0.05, 60.5, std::nan("")})
-    EXPECT_TRUE(refused({.most_rate_hz = rate_hz}, "open.most_rate_hz")) << rate_hz;
+    EXPECT_TRUE(refused({.max_rate_hz = rate_hz}, "open.max_rate_hz")) << rate_hz;
   EXPECT_TRUE(refused({.session_id = std::string(65, 'x')}, "open.session_id"));
   EXPECT_FALSE(scene->observers()->any()) << "one that is refused never looked";
 }

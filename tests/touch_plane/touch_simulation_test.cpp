@@ -76,14 +76,14 @@ class Simulation {
     for (int k = between(1, 4); k > 0; --k) weights_.push_back(one_in(3) ? TouchQueue::kObserverWeight : 1);
     long_turns_ = one_in(3);
     const bool busy = one_in(8);  // more to do than the workers can
-    const int most_us = busy ? 1500 : 100;
+    const int max_us = busy ? 1500 : 100;
     clients_.resize(static_cast<std::size_t>(busy ? between(12, 30) : between(1, 12)));
     for (std::size_t k = 0; k < clients_.size(); ++k) {
       Client& c = clients_[k];
       c.habit = static_cast<Habit>(between(0, 7));
       c.principal = static_cast<std::size_t>(between(0, static_cast<int>(weights_.size()) - 1));
       c.takes =
-          long_turns_ && one_in(3) ? Duration(between(5, 30) * 1ms) : between(most_us / 4, most_us) * 1us;
+          long_turns_ && one_in(3) ? Duration(between(5, 30) * 1ms) : between(max_us / 4, max_us) * 1us;
       c.terms = {static_cast<std::uint64_t>(between(1, 8)), between(1, busy ? 3 : 20) * 1ms, one_in(3), 0.2,
                  60};
       at(begin_ + between(0, one_in(3) ? 600 : 100) * 1ms, [this, k] { come(k); });

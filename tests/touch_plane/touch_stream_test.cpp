@@ -178,12 +178,12 @@ TEST_F(Stream, RefusesPosesOutOfOrderAndWishesThatCannotBeMet) {
   EXPECT_THROW(stream.bring(pose(2, 0)), std::invalid_argument);
   EXPECT_THROW(stream.bring(pose(3, 1)), std::invalid_argument) << "nothing was answered";
   const Limits limits;
-  EXPECT_THROW(TouchStream(scene, {"", TouchStream::kMostCredit + 1, 0, {}}, no_device),
+  EXPECT_THROW(TouchStream(scene, {"", TouchStream::kMaxCredit + 1, 0, {}}, no_device),
                std::invalid_argument);
-  EXPECT_THROW(TouchStream(scene, {"", 0, 2 * limits.most_touch_period_s, {}}, no_device),
+  EXPECT_THROW(TouchStream(scene, {"", 0, 2 * limits.max_touch_period_s, {}}, no_device),
                std::invalid_argument);
   EXPECT_THROW(
-      TouchStream(scene, {std::string(TouchStream::kMostSessionIdBytes + 1, 'n'), 0, 0, {}}, no_device),
+      TouchStream(scene, {std::string(TouchStream::kMaxSessionIdBytes + 1, 'n'), 0, 0, {}}, no_device),
       std::invalid_argument);
 }
 
@@ -192,7 +192,7 @@ TEST_F(Stream, ThatIsRefusedNeverWasAtTheScene) {
   EXPECT_TRUE(std::holds_alternative<TouchStream::Left>(stream.turn()));
   ASSERT_FALSE(scene->finger().now().present);
   TouchWishes wishes{"ghost", 0, 0, {}};
-  wishes.tactile = TaxelGrid{.along_x = TactileOutbox::kMostTaxels + 1};
+  wishes.tactile = TaxelGrid{.along_x = TactileOutbox::kMaxTaxels + 1};
   EXPECT_THROW(TouchStream(scene, std::move(wishes), no_device), std::invalid_argument);
   EXPECT_FALSE(scene->finger().now().present);
 }

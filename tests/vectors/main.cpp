@@ -10,17 +10,17 @@ int main(int argc, char** argv) {
   using namespace teletact::vectors;
   CLI::App app("Records what the product does, or compares it with what was recorded", "teletact-vectors");
   std::string record, compare_with;
-  std::size_t most_rows = std::numeric_limits<std::size_t>::max() / 2;
+  std::size_t max_rows = std::numeric_limits<std::size_t>::max() / 2;
   auto* what = app.add_option_group("what");
   what->add_option("--record", record, "write a recording to this file");
   what->add_option("--compare", compare_with, "compare with this one; exit code 1 beyond tolerance");
   what->require_option(1);
-  app.add_option("--rows", most_rows, "keep about so many rows of each vector, and the hash of all")
+  app.add_option("--rows", max_rows, "keep about so many rows of each vector, and the hash of all")
       ->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
   try {
     if (!record.empty()) {
-      record_all().write(record, most_rows);
+      record_all().write(record, max_rows);
       return 0;
     }
     const Recording before = Recording::read(compare_with);

@@ -209,11 +209,11 @@ TEST(Gateway, AViewerThatStallsHoldsUpNoOther) {
 TEST(Gateway, LetsSoManyLookAndThenRefuses) {
   Watched w;
   std::vector<std::unique_ptr<WebPeer>> viewers;
-  for (std::size_t n = 0; n < Gateway::kMostViewers; ++n)
+  for (std::size_t n = 0; n < Gateway::kMaxViewers; ++n)
     viewers.push_back(std::make_unique<WebPeer>(w.gateway.url()));
   EXPECT_THROW(WebPeer(w.gateway.url()), boost::system::system_error);
   viewers.pop_back();
-  EXPECT_TRUE(within(5, [&] { return w.gateway.viewers() < Gateway::kMostViewers; }));
+  EXPECT_TRUE(within(5, [&] { return w.gateway.viewers() < Gateway::kMaxViewers; }));
   EXPECT_NO_THROW(WebPeer(w.gateway.url()));
 }
 
@@ -265,7 +265,7 @@ TEST(Gateway, AThousandConnectionsDisturbNobodyWhoLooks) {
 // The oldest of those that have not shown the token goes for each that comes; nobody waits until their time
 // is up.
 TEST(Gateway, ConnectionsWithoutTheTokenGiveWay) {
-  constexpr std::size_t kSilent = 100, kStay = Gateway::kMostConnections - 2;
+  constexpr std::size_t kSilent = 100, kStay = Gateway::kMaxConnections - 2;
   Watched w;
   std::vector<std::unique_ptr<HttpPeer>> silent;
   for (std::size_t n = 0; n < kSilent; ++n)

@@ -172,12 +172,12 @@ TEST(SceneMaps, NoTwoImagesHaveOneNumberAndTheOldestGiveWay) {
   maps.clear();
   ASSERT_TRUE(put(1, 2));
   EXPECT_NE(drawn(), before);
-  EXPECT_FALSE(put(2, SceneMaps::kMostNodes + 1));
-  for (std::uint64_t window = 2; window <= SceneMaps::kMostImages + 2; ++window) ASSERT_TRUE(put(window, 2));
-  EXPECT_EQ(drawn().size(), SceneMaps::kMostImages);
-  for (std::uint64_t window = 1; window <= SceneMaps::kMostImageBytes / SceneMaps::kMostNodes + 1; ++window)
-    ASSERT_TRUE(put(window, SceneMaps::kMostNodes));
-  EXPECT_LE(drawn().size(), SceneMaps::kMostImageBytes / SceneMaps::kMostNodes);
+  EXPECT_FALSE(put(2, SceneMaps::kMaxNodes + 1));
+  for (std::uint64_t window = 2; window <= SceneMaps::kMaxImages + 2; ++window) ASSERT_TRUE(put(window, 2));
+  EXPECT_EQ(drawn().size(), SceneMaps::kMaxImages);
+  for (std::uint64_t window = 1; window <= SceneMaps::kMaxImageBytes / SceneMaps::kMaxNodes + 1; ++window)
+    ASSERT_TRUE(put(window, SceneMaps::kMaxNodes));
+  EXPECT_LE(drawn().size(), SceneMaps::kMaxImageBytes / SceneMaps::kMaxNodes);
 }
 
 // What the page gets of an observation, and of one whose stream has ended.

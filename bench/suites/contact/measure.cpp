@@ -14,7 +14,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kMostSurfaceDofs = 30000;  // two solves for every column: minutes beyond
+constexpr std::size_t kMaxSurfaceDofs = 30000;  // two solves for every column: minutes beyond
 
 struct Budget {
   double repeat_s, ladder_s;  // time to spend on the repeats of one figure, and on the ladder
@@ -97,7 +97,7 @@ void time(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget& 
     if (once()) seconds = repeat(b, [&] { return once() ? -1.0 : 0.0; });
   };
   if_it_does(out.one_solve_s, [&] { return peer.solve_once(p); });
-  if (p.tissue.grid.dofs() <= kMostSurfaceDofs)
+  if (p.tissue.grid.dofs() <= kMaxSurfaceDofs)
     if_it_does(out.surface_s, [&] { return peer.condense_surface(p); });
   out.touch_s = touch_s;  // it is measured
 }
@@ -106,8 +106,8 @@ void time(Peer& peer, const ContactProblem& p, bool whole_ladder, const Budget& 
 
 MethodFigures measure_method(Peer& peer, const ContactProblem& p, bool whole_ladder, bool quick) {
   MethodFigures out{peer.name(), peer.ours(), peer.iterative(), peer.products_choice(p)};
-  if (p.tissue.grid.dofs() > peer.most_unknowns()) {
-    out.declined = fmt::format("more than {} unknowns would take minutes", peer.most_unknowns());
+  if (p.tissue.grid.dofs() > peer.max_unknowns()) {
+    out.declined = fmt::format("more than {} unknowns would take minutes", peer.max_unknowns());
     return out;
   }
   try {

@@ -47,12 +47,12 @@ std::vector<Curve> curves_over(const ContactFigures& figures, const std::string&
 void draw_accuracy(const CaseFigures& base, const std::map<std::string, std::size_t>& looks,
                    const std::filesystem::path& file) {
   std::vector<Curve> curves;
-  constexpr double kLeast = 1e-16;  // an error of zero has no place on a logarithmic axis
+  constexpr double kMin = 1e-16;  // an error of zero has no place on a logarithmic axis
   for (const MethodFigures& m : base.methods) {
     if (!m.measured()) continue;
     Curve curve{.title = m.method, .ours = m.ours, .line = m.iterative, .look = looks.at(m.method)};
     const auto add = [&](double error, double touch_s) {
-      if (!std::isnan(error)) curve.add(std::max(kLeast, error), 1e3 * (m.setup_s.p50 + touch_s));
+      if (!std::isnan(error)) curve.add(std::max(kMin, error), 1e3 * (m.setup_s.p50 + touch_s));
     };
     for (const Rung& rung : m.ladder) add(rung.force_error, rung.seconds);
     if (m.ladder.empty()) add(m.force_error, m.touch_s.p50);

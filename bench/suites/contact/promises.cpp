@@ -29,14 +29,14 @@ double least(const CaseFigures& c, auto&& meant, auto&& figure) {
 double cold_s(const MethodFigures& m) {
   return m.cold_s();
 }
-double least_pcg_s(const CaseFigures& c) {
+double min_pcg_s(const CaseFigures& c) {
   return least(c, is_product_pcg, cold_s);
 }
 // Iterations of the product's PCG; NaN where it did not reach the goal.
 double pcg_iterations(const CaseFigures& c) {
   return least(c, is_product_pcg, [](const MethodFigures& m) { return static_cast<double>(m.iterations); });
 }
-double least_factor_and_solve_s(const CaseFigures& c) {
+double min_factor_and_solve_s(const CaseFigures& c) {
   return least(
       c, [](const MethodFigures& m) { return m.one_solve_s.count > 0; },
       [](const MethodFigures& m) { return m.setup_s.p50 + m.one_solve_s.p50; });
@@ -69,15 +69,15 @@ void add_condensation(const CaseFigures& base, const ProductFigures& product, Pr
 }
 
 void add_speed(const ContactFigures& figures, const CaseFigures& base, Promises& promises) {
-  const double pcg_s = least_pcg_s(base);
+  const double pcg_s = min_pcg_s(base);
   promises.push_back(
       {"cold_device_pcg_over_best_eigen_cg_61x61", pcg_s / least(base, is_rival_cg, cold_s), 0.1});
   promises.push_back({"cold_device_pcg_over_best_sparse_factor_and_solve_61x61",
-                      pcg_s / least_factor_and_solve_s(base), 1.0 / 3});
+                      pcg_s / min_factor_and_solve_s(base), 1.0 / 3});
   for (const CaseFigures& c : figures.cases)
     if (c.in("size") && c.columns == 241)
       promises.push_back({"cold_device_pcg_over_best_sparse_factor_and_solve_241x241",
-                          least_pcg_s(c) / least_factor_and_solve_s(c), 1.0 / 8});
+                          min_pcg_s(c) / min_factor_and_solve_s(c), 1.0 / 8});
   const PathFigures& path = figures.product.path;
   promises.push_back({"warm_along_a_path_solving_poses_p50_over_cold", path.solving_s.p50 / pcg_s, 0.25});
   promises.push_back({"warm_along_a_path_mean_of_all_poses_over_cold", path.warm_mean_s / pcg_s, 0.25});
@@ -96,9 +96,9 @@ void add_iterations(const ContactFigures& figures, Promises& promises) {
     if (c.poisson_ratio <= 0.499) at_499 = std::max(at_499, iterations);
     at_4999 = std::max(at_4999, iterations);
   }
-  promises.push_back({"most_pcg_iterations_to_poisson_ratio_0_49_and_contrast_10", at_49, 15});
-  promises.push_back({"most_pcg_iterations_to_poisson_ratio_0_499_and_contrast_1000", at_499, 50});
-  promises.push_back({"most_pcg_iterations_to_poisson_ratio_0_4999", at_4999, 100});
+  promises.push_back({"max_pcg_iterations_to_poisson_ratio_0_49_and_contrast_10", at_49, 15});
+  promises.push_back({"max_pcg_iterations_to_poisson_ratio_0_499_and_contrast_1000", at_499, 50});
+  promises.push_back({"max_pcg_iterations_to_poisson_ratio_0_4999", at_4999, 100});
   promises.push_back({"cases_where_the_products_pcg_misses_the_goal", failures, 0});
 }
 
@@ -107,7 +107,7 @@ void add_growth(const ContactFigures& figures, Promises& promises) {
   for (const CaseFigures& c : figures.cases) {
     if (!c.in("size") || c.columns != c.rows || c.stretch != 1 || c.columns < 41) continue;
     unknowns.push_back(static_cast<double>(c.unknowns));
-    seconds.push_back(least_pcg_s(c));
+    seconds.push_back(min_pcg_s(c));
     iterations.push_back(pcg_iterations(c));
   }
   if (unknowns.size() < 2) return;

@@ -31,7 +31,7 @@ struct Tracked {
 struct Method {
   std::string name;
   bool ours = false;
-  std::uint64_t most_seeds = kSeeds;
+  std::uint64_t max_seeds = kSeeds;
   std::function<std::vector<float>(const Tracked&)> estimate;
 };
 
@@ -79,8 +79,8 @@ Method ours(const std::string& name, std::shared_ptr<service::ModulusMethod> met
           }};
 }
 
-Method theirs(const ModulusPeer& peer, std::uint64_t most_seeds) {
-  return {peer.name, false, most_seeds, [peer](const Tracked& t) {
+Method theirs(const ModulusPeer& peer, std::uint64_t max_seeds) {
+  return {peer.name, false, max_seeds, [peer](const Tracked& t) {
             const std::vector<double> strain = axial_strain(t.track, kStrainKernelM, kKernelLateralM);
             return peer.estimate({t.track,
                                   strain,
@@ -143,7 +143,7 @@ void measure_seed(const Tracked& t, const std::vector<Method>& all, std::uint64_
   std::map<std::size_t, Answer> answers;
   std::vector<std::vector<float>> maps;
   for (std::size_t m = 0; m < all.size(); ++m) {
-    if (seed > (quick && all[m].most_seeds < kSeeds ? 1 : all[m].most_seeds)) continue;
+    if (seed > (quick && all[m].max_seeds < kSeeds ? 1 : all[m].max_seeds)) continue;
     if (seed == 1 && all[m].ours) ask(all[m], t);  // a first launch compiles
     answers[m] = ask(all[m], t);
     if (!answers[m].modulus.empty()) maps.push_back(answers[m].modulus);

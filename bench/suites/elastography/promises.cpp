@@ -29,8 +29,8 @@ void add_rigid(const RigidFigures& rigid, Promises& promises) {
 
 // The phantoms of T2.7 are compressed by up to 5 %; the strain's curve goes on beyond.
 bool promised(const Condition& c) {
-  constexpr double kMostStrain = 0.05;
-  return c.of.strain <= kMostStrain;
+  constexpr double kMaxStrain = 0.05;
+  return c.of.strain <= kMaxStrain;
 }
 
 void add_calibration(const ElastographyFigures& figures, Promises& promises) {

@@ -68,34 +68,34 @@ std::shared_ptr<const service::TouchModel> mesh(const Modulus& modulus, const se
 }
 
 // Round inclusions, and now and then a block with an upright side, that begin 3 to 20 mm below the layer.
-Modulus inclusions(Random& random, const service::Region& window, double layer_m, double most_contrast,
+Modulus inclusions(Random& random, const service::Region& window, double layer_m, double max_contrast,
                    std::string& name) {
   struct Round {
     double x_m, y_m, radius_m, contrast;
   };
-  constexpr double kMostRadiusM = 0.008;
+  constexpr double kMaxRadiusM = 0.008;
   const double background_pa = random.log_uniform(5e3, 20e3);
   std::vector<Round> all(1 + std::size_t(random.uniform(0, 3)));
   double top_m = kWidthM;
   for (Round& r : all) {
-    r.contrast = random.log_uniform(2, most_contrast);
-    r.radius_m = random.uniform(0.002, kMostRadiusM);
+    r.contrast = random.log_uniform(2, max_contrast);
+    r.radius_m = random.uniform(0.002, kMaxRadiusM);
     r.x_m = random.uniform(window.begin_x_m - 0.005, window.end_x_m + 0.005);
     const double begins_m = random.uniform(0.003, 0.020);
     top_m = std::min(top_m, begins_m);
     r.y_m = layer_m + begins_m + r.radius_m;
   }
-  all.front().contrast = most_contrast;
+  all.front().contrast = max_contrast;
   const bool block = random.uniform(0, 1) < 0.2;
   const Round upright{random.uniform(window.begin_x_m, window.end_x_m),
-                      layer_m + random.uniform(0.003, 0.020), 0, random.log_uniform(2, most_contrast)};
+                      layer_m + random.uniform(0.003, 0.020), 0, random.log_uniform(2, max_contrast)};
   name += fmt::format("{}{} of contrast {:.0f}, at {:.0f} mm", all.size(), block ? " + block" : "",
-                      most_contrast, 1e3 * top_m);
+                      max_contrast, 1e3 * top_m);
   return [=](double x, double y) {
     double contrast = 1;
     for (const Round& r : all)
       if (std::hypot(x - r.x_m, y - r.y_m) < r.radius_m) contrast = r.contrast;
-    if (block && x > upright.x_m && y > upright.y_m && y < upright.y_m + kMostRadiusM)
+    if (block && x > upright.x_m && y > upright.y_m && y < upright.y_m + kMaxRadiusM)
       contrast = upright.contrast;
     return background_pa * contrast;
   };
@@ -103,16 +103,16 @@ Modulus inclusions(Random& random, const service::Region& window, double layer_m
 
 // One whose curved half-contact at a light touch spans two nodes of the mesh at least.
 service::Fingertip resolved_tip(Random& random, double spacing_m) {
-  const double least_m = 4 * spacing_m * spacing_m / (2 * choices::kLightTouch);
+  const double min_m = 4 * spacing_m * spacing_m / (2 * choices::kLightTouch);
   const double kind = random.uniform(0, 1);
   service::Fingertip tip;
   if (kind < 0.4) {
-    tip.radius_m = std::max(tip.radius_m, least_m);
+    tip.radius_m = std::max(tip.radius_m, min_m);
   } else if (kind < 0.65) {
-    tip.radius_m = random.log_uniform(least_m, 4 * least_m);
+    tip.radius_m = random.log_uniform(min_m, 4 * min_m);
   } else if (kind < 0.85) {
     tip.shape = service::FingertipShape::kFlatPunch;
-    tip.radius_m = random.log_uniform(least_m, 2 * least_m);
+    tip.radius_m = random.log_uniform(min_m, 2 * min_m);
     tip.half_width_m = random.uniform(0.002, 0.005);
   } else {
     tip.shape = service::FingertipShape::kNode;

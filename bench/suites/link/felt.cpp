@@ -38,12 +38,12 @@ struct Ticks {
 
 // By how many of the judged ticks what was felt comes after the exact force.
 std::size_t lag_of(const Ticks& ticks) {
-  constexpr std::size_t kMost = 200;
+  constexpr std::size_t kMax = 200;
   std::size_t best = 0;
   double least = std::numeric_limits<double>::infinity();
-  for (std::size_t lag = 0; lag < std::min(kMost, ticks.felt_n.size() / 2); ++lag) {
+  for (std::size_t lag = 0; lag < std::min(kMax, ticks.felt_n.size() / 2); ++lag) {
     double sum = 0;
-    for (std::size_t k = kMost; k < ticks.felt_n.size(); ++k)
+    for (std::size_t k = kMax; k < ticks.felt_n.size(); ++k)
       sum += (ticks.felt_n[k] - ticks.exact_n[k - lag]).squaredNorm();
     if (sum < least) least = sum, best = lag;
   }
@@ -92,7 +92,7 @@ Felt felt_in(const std::string& recording, const reference::TouchedTissue& tissu
     if (!entry->has_servo()) continue;
     const v1::ServoSample& tick = entry->servo();
     reach.at(tick.position_m(0));
-    felt.least_energy_j = std::min(felt.least_energy_j, tick.energy_j());
+    felt.min_energy_j = std::min(felt.min_energy_j, tick.energy_j());
     const bool on = tick.state() == static_cast<std::uint32_t>(client::ServoState::kEnabled);
     if (!on || enabled_s < 0) enabled_s = on ? time_s : -1;
     if (!on || time_s - enabled_s < kRampS || tick.position_m(1) <= 0 || ++in_contact % kStride != 0)

@@ -16,7 +16,7 @@ struct Felt {
   double lag_s = 0;                        // of the model's force, by which it fits what was felt best
   double by_law_share = 0;
   double answers_per_s = 0;
-  double least_energy_j = 0;  // of the passivity observer: below zero it was generated
+  double min_energy_j = 0;  // of the passivity observer: below zero it was generated
   double law_after_s = -1;    // from the stream's begin to columns 10 mm to either side; -1: they never came
 };
 

@@ -47,7 +47,7 @@ struct Condition {
   double jitter_share = 0;  // of the round trip, +- : evenly
   double bits_s = 0;        // each way; 0: not limited
   bool stalls = false;      // of 200 ms, in a tenth of the time
-  unsigned credit = client::Pacing::kMost;
+  unsigned credit = client::Pacing::kMax;
   bool all_renderers = false;
 };
 constexpr std::array kConditions{
@@ -76,14 +76,14 @@ struct Touched {
   double up_bytes_per_s = 0, down_bytes_per_s = 0;  // of the whole connection
   double largest_force_n = 0;
   double within_half = 0, within_one = 0, error_p50 = 0, error_p95 = 0, lag_s = 0;  // felt.h
-  double by_law_share = 0, least_energy_j = 0, law_after_s = 0;
+  double by_law_share = 0, min_energy_j = 0, law_after_s = 0;
   double bytes_per_s() const { return up_bytes_per_s + down_bytes_per_s; }
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Touched, name, renderer, round_trip_s, jitter_share, bits_s, stalls,
                                    answers_per_s, enabled_s, faded_s, lost_s, degraded_s, age_p50_s,
                                    age_p95_s, measured_round_trip_s, up_bytes_per_s, down_bytes_per_s,
                                    largest_force_n, within_half, within_one, error_p50, error_p95, lag_s,
-                                   by_law_share, least_energy_j, law_after_s)
+                                   by_law_share, min_energy_j, law_after_s)
 struct Figures {
   Checked checked;
   double speed_m_s = kSpeedMS, period_s = kPeriodS;
@@ -151,7 +151,7 @@ Touched touch(const Arguments& arguments, const Condition& condition, const std:
           felt.error_p95,
           felt.lag_s,
           felt.by_law_share,
-          felt.least_energy_j,
+          felt.min_energy_j,
           felt.law_after_s};
 }
 
@@ -182,7 +182,7 @@ double law_after(const Touched& t) {
 
 // By the contact law: whatever the round trip, and stalls too, where those are not much longer than it fades.
 void promise_law(const Touched& t, Promises& promises) {
-  constexpr double kChecksPerS = 20, kOff = 0.1, kMostBytesPerS = 20e3;
+  constexpr double kChecksPerS = 20, kOff = 0.1, kMaxBytesPerS = 20e3;
   const std::string name = snake_case(t.name + " " + t.renderer) + "_";
   promises.push_back({name + "law_after_three_round_trips_and", law_after(t), kLongestFirstS, "s"});
   promises.push_back({name + "within_half_a_percent", t.within_half, 0.95, "of ticks", false});
@@ -193,7 +193,7 @@ void promise_law(const Touched& t, Promises& promises) {
   if (t.stalls) return;
   promises.push_back({name + "answers", t.answers_per_s, (1 - kOff) * kChecksPerS, "1/s", false});
   promises.push_back({name + "answers_no_more", t.answers_per_s, (1 + kOff) * kChecksPerS, "1/s"});
-  promises.push_back({name + "bytes", t.bytes_per_s(), kMostBytesPerS, "B/s"});
+  promises.push_back({name + "bytes", t.bytes_per_s(), kMaxBytesPerS, "B/s"});
 }
 
 Figures measure(const Arguments& arguments, Promises& promises) {

@@ -24,7 +24,7 @@ namespace {
 
 constexpr const char* kOwnScene = "bench-load";
 constexpr double kCapacityWithin = 0.05;
-constexpr int kMostSteps = 12;
+constexpr int kMaxSteps = 12;
 
 struct Arguments : SuiteOptions {
   Service service;
@@ -54,8 +54,8 @@ double capacity_hz(LoadPlan plan, const Arguments& arguments, std::vector<LoadFi
     return yes;
   };
   double good_hz = 0, bad_hz = plan.rate_hz;
-  for (int k = 0; k < kMostSteps && carries(bad_hz); ++k) good_hz = bad_hz, bad_hz *= 2;
-  for (int k = 0; k < kMostSteps && bad_hz - good_hz > kCapacityWithin * bad_hz; ++k) {
+  for (int k = 0; k < kMaxSteps && carries(bad_hz); ++k) good_hz = bad_hz, bad_hz *= 2;
+  for (int k = 0; k < kMaxSteps && bad_hz - good_hz > kCapacityWithin * bad_hz; ++k) {
     const double middle_hz = (good_hz + bad_hz) / 2;
     (carries(middle_hz) ? good_hz : bad_hz) = middle_hz;
   }

@@ -40,7 +40,7 @@ constexpr std::size_t kAnswersFitted = 4;
 struct TouchedLayer {
   const char* name;
   std::size_t row;
-  double rms_most;  // promised, of the mean stiffness
+  double rms_max;  // promised, of the mean stiffness
 };
 constexpr std::array<TouchedLayer, 2> kLayers{{{"surface", 0, 0.03}, {"layer 80 mm", 8, 0.10}}};
 
@@ -223,7 +223,7 @@ LayerFigures measure_layer(const service::TissueModel& model, const TouchedLayer
     const std::string of = snake_case(f.name + " on " + layer.name);
     promises.push_back({"stiffness_lag_of_" + of, f.lag_s, kLagS, "s"});
     promises.push_back(
-        {"stiffness_rms_error_of_" + of + "_over_the_mean_stiffness", f.rms_error, layer.rms_most});
+        {"stiffness_rms_error_of_" + of + "_over_the_mean_stiffness", f.rms_error, layer.rms_max});
   }
   return out;
 }

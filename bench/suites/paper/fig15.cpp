@@ -25,7 +25,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kColumns = 51, kFewestRows = 8, kMostRows = 21;
+constexpr std::size_t kColumns = 51, kFewestRows = 8, kMaxRows = 21;
 constexpr double kIndentationM = 0.001;
 constexpr const char* kScene = "bench-fig15";
 constexpr double kLatencyS = 0.005;       // 200 touches a second
@@ -122,7 +122,7 @@ Figures measure(bool quick, Promises& promises) {
       "solving "
       "(ms)\n");
   double slowest_s = 0, ratio = 0;
-  for (std::size_t size = kFewestRows; size <= kMostRows; size += quick ? 13 : 1) {
+  for (std::size_t size = kFewestRows; size <= kMaxRows; size += quick ? 13 : 1) {
     figures.rows.push_back(measure_size(local, octave.get(), size, quick));
     const double ours_s = figures.rows.back().ours.touch_s.p50;
     slowest_s = std::max(slowest_s, ours_s);

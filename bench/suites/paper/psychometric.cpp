@@ -32,7 +32,7 @@ using namespace client;  // NOLINT: the experiment's words, throughout
 
 constexpr double kBackgroundNM = 25;
 constexpr double kDigit = 0.0005;  // half of the last digit that T6.4 states
-constexpr double kCoverLeast = 0.92, kCoverMost = 0.98, kBiasMost = 0.01, kChainAddsMost = 0.05;
+constexpr double kCoverMin = 0.92, kCoverMax = 0.98, kBiasMax = 0.01, kChainAddsMax = 0.05;
 constexpr std::array<double, 3> kWeberFractions{0.1, 0.2, 0.4};
 
 struct PaperTable {
@@ -143,11 +143,11 @@ Observer feeling_observer(const Weibull& function, const Feel& feel, std::uint64
 struct Observed {
   double weber_fraction = 0, lapse_rate = 0;
   std::string method;
-  double lapse_rate_most = 0, coverage = 0, bias = 0, rms_error = 0;
+  double lapse_rate_max = 0, coverage = 0, bias = 0, rms_error = 0;
   unsigned unbounded = 0;
   std::vector<std::array<double, 3>> estimate_low_high{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Observed, weber_fraction, lapse_rate, method, lapse_rate_most, coverage,
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Observed, weber_fraction, lapse_rate, method, lapse_rate_max, coverage,
                                    bias, rms_error, unbounded, estimate_low_high)
 
 Observed observe(const ObserverDescription& observer, const FitOptions& how, const Effort& effort,
@@ -155,7 +155,7 @@ Observed observe(const ObserverDescription& observer, const FitOptions& how, con
   const Weibull truth = psychometric_function(observer, kBackgroundNM);
   Random random(1);
   const ExperimentPlan plan;
-  Observed out{observer.weber_fraction, observer.lapse_rate, name_of(how.method), how.lapse_rate_most};
+  Observed out{observer.weber_fraction, observer.lapse_rate, name_of(how.method), how.lapse_rate_max};
   unsigned covered = 0;
   double squares = 0;
   for (unsigned k = 0; k < effort.experiments; ++k) {
@@ -181,7 +181,7 @@ Observed observe(const ObserverDescription& observer, const FitOptions& how, con
 
 void print(const Observed& o) {
   std::printf("Weber fraction %.2f, lapse rate %.2f, %s%s: coverage %.3f, bias %+.4f, rms error %.4f\n",
-              o.weber_fraction, o.lapse_rate, o.method.c_str(), o.lapse_rate_most > 0 ? " with lapses" : "",
+              o.weber_fraction, o.lapse_rate, o.method.c_str(), o.lapse_rate_max > 0 ? " with lapses" : "",
               o.coverage, o.bias, o.rms_error);
 }
 
@@ -190,9 +190,9 @@ std::string promise(const Observed& o, Promises& promises, const std::string& ho
   const std::string name =
       snake_case(fmt::format("observer of Weber fraction {:.2f} {}{}", o.weber_fraction, o.method, how));
   promises.push_back(
-      {name + "_interval_covers_the_truth_least", o.coverage, kCoverLeast, "of experiments", false});
-  promises.push_back({name + "_interval_covers_the_truth_most", o.coverage, kCoverMost, "of experiments"});
-  promises.push_back({name + "_bias_of_the_weber_fraction", std::abs(o.bias), kBiasMost});
+      {name + "_interval_covers_the_truth_least", o.coverage, kCoverMin, "of experiments", false});
+  promises.push_back({name + "_interval_covers_the_truth_most", o.coverage, kCoverMax, "of experiments"});
+  promises.push_back({name + "_bias_of_the_weber_fraction", std::abs(o.bias), kBiasMax});
   return name;
 }
 
@@ -290,10 +290,10 @@ std::vector<ChainFigures> observe_chain(const Effort& effort, Promises& promises
     print(row.observed);
     if (!row.promised) continue;
     const std::string name = promise(row.observed, promises, how);
-    promises.push_back({name + "_the_chain_adds", row.observed.bias, kChainAddsMost});
+    promises.push_back({name + "_the_chain_adds", row.observed.bias, kChainAddsMax});
   }
   // Where edges are too soft for a plateau: no more than the exact force's own.
-  constexpr double kSoftM = 0.002, kLawAddsMost = 0.003;
+  constexpr double kSoftM = 0.002, kLawAddsMax = 0.003;
   const auto soft = [](const ChainFigures& row, const char* renderer) {
     return row.edge_m == kSoftM && row.renderer == renderer;
   };
@@ -303,7 +303,7 @@ std::vector<ChainFigures> observe_chain(const Effort& effort, Promises& promises
           law.observed.weber_fraction == exact.observed.weber_fraction)
         promises.push_back(
             {snake_case(fmt::format("soft_edges_weber_{}_the_law_adds", law.observed.weber_fraction)),
-             std::abs(law.observed.bias - exact.observed.bias), kLawAddsMost});
+             std::abs(law.observed.bias - exact.observed.bias), kLawAddsMax});
   return rows;
 }
 

@@ -11,9 +11,9 @@ constexpr std::array kTurns{"homogeneous", "layers", "lump",    "lumps", "textur
                             "thin",        "lump",   "texture", "lump",  "layers"};
 constexpr std::array kPoissonRatios{0.3, 0.4, 0.45, 0.49, 0.49, 0.49, 0.499, 0.4999};
 constexpr double kDeepM = 0.040, kThinM = 0.010;
-constexpr double kLeastContrast = 0.3, kMostContrast = 30;
+constexpr double kMinContrast = 0.3, kMaxContrast = 30;
 constexpr double kCoverM = 0.001;  // above a lump, at least
-constexpr double kLeastIndentationM = 5e-4, kMostIndentationM = 4e-3;
+constexpr double kMinIndentationM = 5e-4, kMaxIndentationM = 4e-3;
 
 struct Random {
   std::mt19937_64 engine;
@@ -36,7 +36,7 @@ void add_layers(Random& random, PlanScene& scene) {
 PlanLump lump_of(Random& random, const PlanScene& scene, double aside_m) {
   const bool thin = scene.depth_m < kDeepM;
   PlanLump lump{.radius_m = thin ? random.between(0.002, 0.0035) : random.between(0.0025, 0.0075),
-                .contrast = random.scaled(kLeastContrast, kMostContrast)};
+                .contrast = random.scaled(kMinContrast, kMaxContrast)};
   const double least = std::max(0.003, lump.radius_m + kCoverM);
   lump.centre_m = {random.between(-aside_m, aside_m), random.between(least, thin ? 0.007 : 0.025),
                    random.between(-aside_m, aside_m)};
@@ -81,7 +81,7 @@ void add_texture(Random& random, PlanScene& scene) {
 void add_poses(Random& random, PlanScene& scene, std::size_t count) {
   for (std::size_t n = 0; n < count; ++n) {
     PlanPose pose{random.between(-0.015, 0.015), random.between(-0.010, 0.010),
-                  random.scaled(kLeastIndentationM, kMostIndentationM)};
+                  random.scaled(kMinIndentationM, kMaxIndentationM)};
     if (n % 2 == 0 && !scene.lumps.empty()) {
       const PlanLump& lump = scene.lumps[random.below(scene.lumps.size())];
       pose.x_m = lump.centre_m[0] + random.between(-lump.radius_m, lump.radius_m);

@@ -19,7 +19,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kLeastSeeds = 10;  // of each row, for a share to mean anything
+constexpr std::size_t kMinSeeds = 10;  // of each row, for a share to mean anything
 
 struct RealOptions : SuiteOptions {
   std::size_t seeds = 20;
@@ -149,7 +149,7 @@ void print(const RealResult& r) {
 
 // Of the rows by estimators that are held to something.
 void promise(const std::vector<RealResult>& rows, Promises& promises) {
-  constexpr double kContrastOff = 0.15, kLeastHeld = 0.8;
+  constexpr double kContrastOff = 0.15, kMinHeld = 0.8;
   double background = 0, ramp = 1, least = 1, windows = 0, held = 0, without = 0;
   const auto ratio = [](double r) { return std::exp(std::abs(std::log(r))); };
   for (const RealResult& r : rows) {
@@ -162,13 +162,13 @@ void promise(const std::vector<RealResult>& rows, Promises& promises) {
     least = std::min(least, background_held / seeds), windows += seeds, held += background_held;
     if (!lump) continue;
     least = std::min(least, lump_held / seeds), windows += seeds, held += lump_held;
-    without += !(std::abs(r.contrast - 1) <= kContrastOff || lump_held >= kLeastHeld * seeds);
+    without += !(std::abs(r.contrast - 1) <= kContrastOff || lump_held >= kMinHeld * seeds);
   }
   if (windows == 0) return;
   promises.push_back({"background_of_the_worst_row_off_by", background, 0.1});
   promises.push_back({"ramp_of_the_worst_row_without_a_lump", ramp, 1.15});
   promises.push_back({"rows_whose_contrast_is_neither_within_15_percent_nor_in_its_interval", without, 0});
-  promises.push_back({"least_share_of_a_row_in_its_95_percent_interval", least, kLeastHeld, "", false});
+  promises.push_back({"min_share_of_a_row_in_its_95_percent_interval", least, kMinHeld, "", false});
   promises.push_back({"pooled_share_in_the_95_percent_interval_at_least", held / windows, 0.92, "", false});
   promises.push_back({"pooled_share_in_the_95_percent_interval_at_most", held / windows, 0.98});
 }
@@ -231,7 +231,7 @@ RealFigures measure(const RealOptions& options, Promises& promises) {
     }
   }
   const auto fewest = std::ranges::min_element(held_to, {}, &RealResult::seeds);
-  if (fewest != held_to.end() && fewest->seeds >= kLeastSeeds) promise(held_to, promises);
+  if (fewest != held_to.end() && fewest->seeds >= kMinSeeds) promise(held_to, promises);
   return figures;
 }
 

@@ -14,7 +14,7 @@ using client::Tissue;
 
 constexpr double kLumpM = 0.010, kHighestM = 0.012, kLowestM = 0.018, kAsideM = 0.015;
 constexpr double kHeld = std::numeric_limits<double>::infinity();
-constexpr double kMostGain = 0.03;
+constexpr double kMaxGain = 0.03;
 constexpr double kPushM = 0.0008;  // 3 % of strain below the face, 1 % at 20 mm
 
 using Set = std::function<void(Tissue&, const Draw&)>;
@@ -41,7 +41,7 @@ void as_wide_as_the_probe(Tissue& t, const Draw&) {
 }
 
 void sensor(Tissue& t, const Draw& draw) {
-  t.probe.force_gain_error = kMostGain * gaussian(draw);
+  t.probe.force_gain_error = kMaxGain * gaussian(draw);
   t.probe.force_zero_n = .003 * gaussian(draw);
 }
 

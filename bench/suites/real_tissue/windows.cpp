@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kFromFaceM = 0.003, kInside = 0.7, kBeside = 1.3;
 constexpr double kStatedPoissonRatio = 0.49;  // whatever is true
-constexpr std::size_t kMostInMean = 400;      // nodes in the variance of a mean
+constexpr std::size_t kMaxInMean = 400;      // nodes in the variance of a mean
 
 // What is stated of the tissue: its width where the probe is narrower, the depth that is imaged.
 service::TissueExtent plane_strain(const Window& w) {
@@ -75,7 +75,7 @@ double tracking_error(const service::Estimate& e, const Window& w) {
 void mean_of(const service::Estimate& e, const std::vector<double>& error, std::vector<std::size_t> nodes,
              double& mean, double& deviation) {
   if (nodes.empty()) return;
-  const std::size_t step = 1 + nodes.size() / kMostInMean;
+  const std::size_t step = 1 + nodes.size() / kMaxInMean;
   std::vector<std::size_t> some;
   for (std::size_t n = 0; n < nodes.size(); n += step) some.push_back(nodes[n]);
   double sum = 0, variance = 0;

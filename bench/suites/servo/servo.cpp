@@ -102,7 +102,7 @@ LoopFigures touch(const Arguments& arguments) {
   session.credentials = arguments.service.credentials;
   session.open.set_scene_id(kScene);
   session.open.set_period_s(0.002);
-  session.open.set_credit(client::Pacing::kMost);
+  session.open.set_credit(client::Pacing::kMax);
   session.hand.indentation_m = kIndentationM;
   session.duration_s = arguments.quick ? std::min(kQuickS, arguments.duration_s) : arguments.duration_s;
   std::size_t allocations = 0;

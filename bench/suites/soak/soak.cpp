@@ -32,7 +32,7 @@ namespace teletact::bench {
 namespace {
 
 constexpr double kAnswered = 0.99, kPublished = 0.5;  // of the poses; of the windows
-constexpr double kMostP99Growth = 0.20, kMostBytesPerHour = 1e6, kMostPerHour = 1;
+constexpr double kMaxP99Growth = 0.20, kMaxBytesPerHour = 1e6, kMaxPerHour = 1;
 constexpr double kWarmUp = 0.25;  // of the time
 constexpr const char* kTouchedScene = "soak-touched";
 constexpr double kSettleS = 6;  // after imaging has paused: longer than a window may take
@@ -293,22 +293,22 @@ void promise(const Figures& figures, Promises& promises) {
     all += double(w.published + w.refused + w.late);
   }
   promises = {
-      {"touch_p99_growth_by_imaging", touched.imaging.p99_s / touched.idle.p99_s - 1, kMostP99Growth},
+      {"touch_p99_growth_by_imaging", touched.imaging.p99_s / touched.idle.p99_s - 1, kMaxP99Growth},
       {"touch_p99_growth_by_imaging_beside_busy_cores", touched.imaging.p99_s / touched.busy_cores.p99_s - 1,
-       kMostP99Growth},
+       kMaxP99Growth},
       {"touch_streams_ended", double(touched.ended), 0},
       {"poses_answered", double(touched.poses_answered) / double(touched.poses), kAnswered, "", false},
       {"touches_without_force", double(touched.without_force), 0},
       {"windows_neither_in_time_nor_refused_at_once", late, 0},
       {"windows_published", published / all, kPublished, "", false},
-      {"memory_growth_an_hour_95_percent_bound", figures.memory.per_hour_upper_95, kMostBytesPerHour, "B"}};
+      {"memory_growth_an_hour_95_percent_bound", figures.memory.per_hour_upper_95, kMaxBytesPerHour, "B"}};
   if (figures.descriptors.samples.empty()) return;
   promises.push_back({"resident_memory_growth_an_hour_95_percent_bound", figures.resident.per_hour_upper_95,
-                      kMostBytesPerHour, "B"});
+                      kMaxBytesPerHour, "B"});
   promises.push_back(
-      {"descriptors_more_an_hour_95_percent_bound", figures.descriptors.per_hour_upper_95, kMostPerHour});
+      {"descriptors_more_an_hour_95_percent_bound", figures.descriptors.per_hour_upper_95, kMaxPerHour});
   promises.push_back(
-      {"threads_more_an_hour_95_percent_bound", figures.threads.per_hour_upper_95, kMostPerHour});
+      {"threads_more_an_hour_95_percent_bound", figures.threads.per_hour_upper_95, kMaxPerHour});
 }
 
 Figures measure(Arguments arguments, Promises& promises) {

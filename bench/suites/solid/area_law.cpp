@@ -29,10 +29,10 @@ constexpr std::size_t kLayers = 34;
 struct Judged {
   double within_s = 0;     // from the beginning
   std::size_t solves = 0;  // contacts answered until then
-  double error_p50 = 0, error_p95 = 0, error_most = 0, covered = 0, stated_over_error_p50 = 0;
+  double error_p50 = 0, error_p95 = 0, error_max = 0, covered = 0, stated_over_error_p50 = 0;
   std::vector<double> errors{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Judged, within_s, solves, error_p50, error_p95, error_most, covered,
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Judged, within_s, solves, error_p50, error_p95, error_max, covered,
                                    stated_over_error_p50, errors)
 
 struct OfBall {
@@ -107,7 +107,7 @@ Judged judge(const std::vector<LawColumn>& columns, const std::vector<Truth>& tr
     judged.covered += double(off_n <= value.error_n) / double(truths.size());
   }
   const Quantiles errors = quantiles(judged.errors);
-  judged.error_p50 = errors.p50, judged.error_p95 = errors.p95, judged.error_most = errors.max;
+  judged.error_p50 = errors.p50, judged.error_p95 = errors.p95, judged.error_max = errors.max;
   judged.stated_over_error_p50 = median_of(ratios);
   return judged;
 }
@@ -117,7 +117,7 @@ void say(const OfBall& ball, const char* what, const Judged& judged) {
       "law: %zu nodes, ball %2.0f mm deep, %3zu columns, %-9s after %6.2f s, %4zu contacts: off by %.2f %% "
       "(median), %.2f %% (95 %%), %.1f %% (most); stated covers %3.0f %%, %.1f times the error\n",
       ball.nodes, 1e3 * ball.depth_m, ball.columns, what, judged.within_s, judged.solves,
-      100 * judged.error_p50, 100 * judged.error_p95, 100 * judged.error_most, 100 * judged.covered,
+      100 * judged.error_p50, 100 * judged.error_p95, 100 * judged.error_max, 100 * judged.covered,
       judged.stated_over_error_p50);
   std::fflush(stdout);
 }

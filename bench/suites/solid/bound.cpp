@@ -15,10 +15,10 @@ namespace {
 struct Float {
   double poisson_ratio = 0, contrast = 0;
   double floor = 0;        // largest true error that exceeds what is certified for it
-  double least_error = 1;  // that was reached
+  double min_error = 1;  // that was reached
   double said_from = 0;    // the true error when the solver first says that its bound is broken; 0: never
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Float, poisson_ratio, contrast, floor, least_error, said_from)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Float, poisson_ratio, contrast, floor, min_error, said_from)
 
 // What is certified over the true error, of every iteration.
 struct Ratios {
@@ -101,9 +101,9 @@ void print(const char* what, const Ratios& r) {
 }
 
 void measure_double(const service::Queue& queue, bool quick, Figures& f) {
-  constexpr double kLeast =
+  constexpr double kMin =
       1e-6;  // of the energy norm; of the force, its square's share that rounding leaves
-  constexpr double kLeastForce = 1e-8, kForceRounding = 1e-10;
+  constexpr double kMinForce = 1e-8, kForceRounding = 1e-10;
   Draw draw{std::mt19937_64(20261121)};
   const std::size_t tissues = quick ? 8 : 100, touches = quick ? 4 : 10;
   std::vector<double> energies, forces;
@@ -116,12 +116,12 @@ void measure_double(const service::Queue& queue, bool quick, Figures& f) {
       const SolidTouch touch = draw.touch(solver, tissue.grid);
       const SolidTruth truth(k, solver, touch);
       const double size = std::sqrt(truth.energy());
-      const Iterates u = iterates(solver, touch, kLeast / 3, 1000);
+      const Iterates u = iterates(solver, touch, kMin / 3, 1000);
       const Fields fields = fields_of(u.fields);
       const Eigen::VectorXd squared = truth.squared_errors(fields);
       for (std::size_t i = 0; i < u.error.size(); ++i) {
         const double error = std::sqrt(squared[Eigen::Index(i)]), certified = u.error[i] / size;
-        if (error < kLeast) break;
+        if (error < kMin) break;
         // The truth itself is off by its own certified error.
         broken += certified + 2 * SolidTruth::kError < error;
         energies.push_back(certified / error);
@@ -130,7 +130,7 @@ void measure_double(const service::Queue& queue, bool quick, Figures& f) {
       ++f.contacts;
       const SolidTouch unit = touch.unit();
       const SolidTruth unit_truth(k, solver, unit);
-      const Iterates z = iterates(solver, unit, kLeast / 3, 1000);
+      const Iterates z = iterates(solver, unit, kMin / 3, 1000);
       const Eigen::Index both = Eigen::Index(std::min(u.error.size(), z.error.size()));
       const double force =
           truth.works(fields_of({truth.displacement()}), fields_of({unit_truth.displacement()}))[0];
@@ -140,7 +140,7 @@ void measure_double(const service::Queue& queue, bool quick, Figures& f) {
       for (Eigen::Index i = 0; i < both; ++i) {
         const double certified = u.error[std::size_t(i)] * z.error[std::size_t(i)] / force,
                      error = std::abs(felt[i] / force - 1);
-        if (certified < kLeastForce) break;
+        if (certified < kMinForce) break;
         broken_force += certified + kForceRounding < error;
         forces.push_back(certified / std::max(error, kForceRounding));
       }
@@ -167,13 +167,13 @@ Float measure_float(const service::Queue& queue, double nu, double contrast) {
     for (std::size_t i = 0; i < u.error.size(); ++i) {
       const double error = std::sqrt(squared[Eigen::Index(i)]),
                    certified = u.error[i] / std::sqrt(truth.energy());
-      out.least_error = std::min(out.least_error, error);
+      out.min_error = std::min(out.min_error, error);
       if (certified < error) out.floor = std::max(out.floor, error);
       if (!u.certified[i] && out.said_from == 0) out.said_from = error;
     }
   }
   std::printf("bound in float: nu %-6g contrast %-4g broken below %.1e, said from %.1e on, reached %.1e\n",
-              nu, contrast, out.floor, out.said_from, out.least_error);
+              nu, contrast, out.floor, out.said_from, out.min_error);
   return out;
 }
 

@@ -114,7 +114,7 @@ void measure_forces(const service::Queue& queue, bool quick, Figures& f) {
     // What homogeneous tissue answers is of S0, whose period is 256 mm, and the block's matters to nothing.
     const service::SolidTissue tissue = solid_tissue(block(0.064, step), 0.49, {.contrast = 1});
     const service::SurfaceCompliance s0 = service::wide_surface(
-        tissue.grid, service::layered(tissue), 0.49, service::choices::kLeastPeriod * kSolidDepthM);
+        tissue.grid, service::layered(tissue), 0.49, service::choices::kMinPeriod * kSolidDepthM);
     std::optional<service::SolidContact<double>> contact;
     if (!quick) contact.emplace(queue, tissue);
     for (Force& force : f.forces)

@@ -34,7 +34,7 @@ using Eigen::Vector3d;
 using nlohmann::json;
 
 constexpr int kPromisesMissed = 2;     // exit code, as of teletact-client report
-constexpr double kLeastForceN = 0.05;  // a force that is felt is more
+constexpr double kMinForceN = 0.05;  // a force that is felt is more
 constexpr double kForceMedian = 0.02, kCoverage = 0.90;
 // From RF: the force, and how much of the path a stated interval of 95 % holds.
 constexpr double kForceMedianFromRf = 0.10, kHeldAtLeast = 0.90;
@@ -84,7 +84,7 @@ std::vector<FeltPose> chosen(const client::TouchRecord& touch, const std::vector
 double coverage_of(const std::vector<client::TouchTick>& path) {
   const auto owed = std::ranges::count_if(path, pressed);
   const auto felt = std::ranges::count_if(path, [](const client::TouchTick& tick) {
-    return pressed(tick) && tick.enabled && -tick.force_y_n > kLeastForceN;
+    return pressed(tick) && tick.enabled && -tick.force_y_n > kMinForceN;
   });
   return owed > 0 ? double(felt) / double(owed) : 0;
 }

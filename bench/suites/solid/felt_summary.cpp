@@ -19,7 +19,7 @@ using nlohmann::json;
 
 constexpr double kPressedM = 0.001;
 // What must be found.
-constexpr double kLeastContrast = 3, kLeastDiameterM = 0.008, kDeepestM = 0.020;
+constexpr double kMinContrast = 3, kMinDiameterM = 0.008, kDeepestM = 0.020;
 constexpr double kSliceReachM = 0.005;
 
 constexpr const char* kShared =
@@ -120,7 +120,7 @@ void judge_lumps(json& summary, const client::MetaImage& volume, const client::T
   double missed = 0;
   for (std::size_t t = 0; t < truth.size(); ++t) {
     const client::Inclusion& i = truth[t];
-    const bool owed = i.contrast >= kLeastContrast && i.diameter_m >= kLeastDiameterM &&
+    const bool owed = i.contrast >= kMinContrast && i.diameter_m >= kMinDiameterM &&
                       i.y_m + i.diameter_m / 2 <= kDeepestM + 1e-9;
     json& lump = lumps["true"].emplace_back(json{{"position_m", {i.x_m, i.y_m, i.z_m}},
                                                  {"diameter_m", i.diameter_m},

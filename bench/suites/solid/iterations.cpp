@@ -38,12 +38,12 @@ Iterations count(const service::Queue& queue, const std::string& shape, const se
     return solver.load(load.unknowns, load.values,
                        {.relative_error = relative_error, .max_iterations = most});
   };
-  constexpr std::size_t kMost = 1000;
-  const service::SolidSolution truth = solve(1e-9, kMost), fine = solve(kFine, kMost);
+  constexpr std::size_t kMax = 1000;
+  const service::SolidSolution truth = solve(1e-9, kMax), fine = solve(kFine, kMax);
   if (truth.reason != service::StopReason::kConverged || !truth.certified)
     throw BenchError(fmt::format("{}, nu {}, contrast {}: not converged", shape, nu, contrast));
   out.certified_1e_6 = fine.iterations;
-  out.certified_1e_3 = solve(kCoarse, kMost).iterations;
+  out.certified_1e_3 = solve(kCoarse, kMax).iterations;
   // The error falls with every iteration, and is |u|^2 - |u_k|^2 squared.
   const auto first_within = [&](double error, std::size_t most) {
     std::size_t least = 0;

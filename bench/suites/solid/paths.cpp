@@ -47,21 +47,21 @@ struct Way {
   std::string by;
   double ready_s = 0, processor_s = 0;  // of the processor, all threads: until the first answer, on the way
   double held = 0, held_linear = 0;     // share of the way where the interval holds the true force
-  double error_p50 = 0, error_most = 0, stated_p50 = 0;  // stated without finite strain
+  double error_p50 = 0, error_max = 0, stated_p50 = 0;  // stated without finite strain
   double closed = 0, failed = 0;                         // shares of the answers: without nodes; no force
   std::vector<Sample> samples{};
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Way, patient, by, ready_s, processor_s, held, held_linear, error_p50,
-                                   error_most, stated_p50, closed, failed, samples)
+                                   error_max, stated_p50, closed, failed, samples)
 
 // Of all ways by one kind of model.
 struct Kind {
   std::string by;
-  double ready_s = 0, processor_s = 0, least_held = 0, least_held_linear = 0, error_p50 = 0, error_most = 0,
+  double ready_s = 0, processor_s = 0, min_held = 0, min_held_linear = 0, error_p50 = 0, error_max = 0,
          within_tolerance = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Kind, by, ready_s, processor_s, least_held, least_held_linear, error_p50,
-                                   error_most, within_tolerance)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Kind, by, ready_s, processor_s, min_held, min_held_linear, error_p50,
+                                   error_max, within_tolerance)
 
 struct Figures {
   double load_average = 0;  // when it began: other programs' if above 0
@@ -164,17 +164,17 @@ void judge(const std::vector<Answered>& answers, PatientTruth& truth, std::size_
     way.samples.push_back(sample);
   }
   const Quantiles error = quantiles(errors);
-  way.error_p50 = error.p50, way.error_most = error.max, way.stated_p50 = median_of(stated);
+  way.error_p50 = error.p50, way.error_max = error.max, way.stated_p50 = median_of(stated);
 }
 
 Kind kind_of(const std::vector<Way>& ways, const char* name) {
-  Kind kind{.by = name, .least_held = 1, .least_held_linear = 1};
+  Kind kind{.by = name, .min_held = 1, .min_held_linear = 1};
   std::vector<double> errors;
   for (const Way& way : ways) {
     if (way.by != name) continue;
     kind.ready_s += way.ready_s, kind.processor_s += way.processor_s;
-    kind.least_held = std::min(kind.least_held, way.held);
-    kind.least_held_linear = std::min(kind.least_held_linear, way.held_linear);
+    kind.min_held = std::min(kind.min_held, way.held);
+    kind.min_held_linear = std::min(kind.min_held_linear, way.held_linear);
     for (const Sample& s : way.samples) {
       errors.push_back(s.error);
       kind.within_tolerance += service::Tolerance{}.of_n(s.true_n) >= s.error * s.true_n;
@@ -182,15 +182,15 @@ Kind kind_of(const std::vector<Way>& ways, const char* name) {
   }
   kind.within_tolerance /= double(errors.size());
   const Quantiles error = quantiles(errors);
-  kind.error_p50 = error.p50, kind.error_most = error.max;
+  kind.error_p50 = error.p50, kind.error_max = error.max;
   return kind;
 }
 
 void promise(const Figures& f, Promises& promises) {
   const Kind &planned = f.kinds[0], &fine = f.kinds[2];
-  promises.push_back({"planned_interval_holds_least_of_a_way", planned.least_held, 0.9, "1", false});
+  promises.push_back({"planned_interval_holds_least_of_a_way", planned.min_held, 0.9, "1", false});
   promises.push_back(
-      {"planned_interval_holds_least_without_finite_strain", planned.least_held_linear, 0.9, "1", false});
+      {"planned_interval_holds_least_without_finite_strain", planned.min_held_linear, 0.9, "1", false});
   promises.push_back({"planned_within_tolerance", planned.within_tolerance, 0.95, "1", false});
   promises.push_back({"planned_over_finest_processor",
                       (planned.ready_s + planned.processor_s) / (fine.ready_s + fine.processor_s), 1.0 / 3,
@@ -217,7 +217,7 @@ Figures measure(bool quick, Promises& promises) {
           "part "
           "included: %3.0f %%); %3.0f %% without nodes\n",
           std::size_t(seed), way, model.name, w.ready_s, w.processor_s, kLastsS, 100 * w.error_p50,
-          100 * w.error_most, 100 * w.stated_p50, 100 * w.held_linear, 100 * w.held, 100 * w.closed);
+          100 * w.error_max, 100 * w.stated_p50, 100 * w.held_linear, 100 * w.held, 100 * w.closed);
       std::fflush(stdout);
     }
   }

@@ -24,7 +24,7 @@ namespace {
 using Sparse = Eigen::SparseMatrix<double>;
 
 // The factor's fill grows with the nodes' 4/3, its time with their square.
-constexpr std::size_t kMostPeerNodes = 100'000, kMostFactoredNodes = 15'000;
+constexpr std::size_t kMaxPeerNodes = 100'000, kMaxFactoredNodes = 15'000;
 constexpr double kCertified = 1e-3, kPeerError = 1e-6, kQuietLoad = 0.5;
 
 struct Own {
@@ -175,8 +175,8 @@ void measure_force(const service::Queue& queue, const service::SolidGrid& grid, 
     return std::abs(touch.solve(solver, {.relative_error = 0, .max_iterations = k}).force_n.sum() / exact_n -
                     1);
   };
-  constexpr std::size_t kMost = 20;
-  for (std::size_t k = 0; k <= kMost; ++k)
+  constexpr std::size_t kMax = 20;
+  for (std::size_t k = 0; k <= kMax; ++k)
     if (error_after(k) > kCertified) out.true_iterations = k + 1;
   out.true_error = error_after(out.true_iterations);
   out.true_s = median_seconds([&] { error_after(out.true_iterations); });
@@ -230,11 +230,11 @@ void measure_peers(const Sparse& k, const Eigen::VectorXd& load, const SolidTrut
   std::erase(absent, "");
   f.absent = absent;
   for (const std::string& why : absent) std::printf("not compared with: %s\n", why.c_str());
-  const double to_error = quick || nodes > kMostFactoredNodes ? kCertified : kPeerError;
+  const double to_error = quick || nodes > kMaxFactoredNodes ? kCertified : kPeerError;
   measure_cg<Eigen::DiagonalPreconditioner<double>>("CG, Jacobi", k, load, truth, nodes, to_error, f);
   measure_cg<Eigen::IncompleteCholesky<double>>("CG, incomplete Cholesky", k, load, truth, nodes, to_error,
                                                 f);
-  if (nodes > (quick ? kMostFactoredNodes / 3 : kMostFactoredNodes)) return;
+  if (nodes > (quick ? kMaxFactoredNodes / 3 : kMaxFactoredNodes)) return;
   Eigen::SimplicialLDLT<Sparse> factor;
   const double setup_s = seconds_of([&] { factor.compute(k); });
   if (factor.info() != Eigen::Success) throw BenchError("Eigen's factor failed");
@@ -322,7 +322,7 @@ Figures measure(bool quick, Promises& promises) {
   for (const service::SolidGrid& grid : sizes) {
     const service::SolidTissue tissue = solid_tissue(grid, 0.49, {});
     const SolidTouch touch{hertz_load(grid)};
-    const bool peers = grid.elements() <= (quick ? kMostFactoredNodes : kMostPeerNodes);
+    const bool peers = grid.elements() <= (quick ? kMaxFactoredNodes : kMaxPeerNodes);
     Sparse k;
     std::optional<SolidTruth> truth;
     if (peers) {

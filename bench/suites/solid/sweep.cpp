@@ -39,13 +39,13 @@ struct Sweep {
   std::string path;
   double ball_m = 0;  // its centre's depth
   double answers_hz = 0, processor_p50_s = 0, processor_p99_s = 0;
-  double late_p99_s = 0, late_most_s = 0;  // answers, beyond their millisecond
+  double late_p99_s = 0, late_max_s = 0;  // answers, beyond their millisecond
   double ok = 0;                           // share of the answers
   double within_1 = 0, within_2 = 0, covered = 0, stated_over_error_p50 = 0;  // of the samples
   std::vector<Sample> samples{};
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Sweep, nodes, path, ball_m, answers_hz, processor_p50_s, processor_p99_s,
-                                   late_p99_s, late_most_s, ok, within_1, within_2, covered,
+                                   late_p99_s, late_max_s, ok, within_1, within_2, covered,
                                    stated_over_error_p50, samples)
 
 struct Figures {
@@ -140,7 +140,7 @@ void judge(const std::vector<Answered>& answers, const service::SolidBlock& bloc
   const Quantiles time = quantiles(processor), beyond = quantiles(late);
   sweep.answers_hz = double(answers.size()) / answers.back().time_s;
   sweep.processor_p50_s = time.p50, sweep.processor_p99_s = time.p99;
-  sweep.late_p99_s = beyond.p99, sweep.late_most_s = beyond.max;
+  sweep.late_p99_s = beyond.p99, sweep.late_max_s = beyond.max;
   samples = std::min(samples, answers.size());
   for (std::size_t s = 0; s < samples; ++s) {
     const Answered& a = answers[(2 * s + 1) * answers.size() / (2 * samples)];

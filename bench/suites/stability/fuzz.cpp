@@ -25,13 +25,13 @@ void promise(const FuzzShares& one, Promises& promises) {
   const auto least = [&](const char* what, double value, double least) {
     promises.push_back({snake_case("fuzzed " + one.renderer + " " + what), value, least, "of ticks", false});
   };
-  least("with a force", non_zero, FuzzShares::kNonZeroLeast);
-  least("slew-limited", slewed, FuzzShares::kSlewLimitedLeast);
-  least("at the largest force", largest, FuzzShares::kAtLargestLeast);
-  least("with a force after a position that was no number", one.again(), FuzzShares::kAgainLeast);
-  if (one.renderer == "law") least("by a law", one.share(one.by_law), FuzzShares::kByLawLeast);
-  least("with a force while not enabled", one.share(one.fading), FuzzShares::kFadingLeast);
-  least("in silence past every limit", one.share(one.silent), FuzzShares::kSilentLeast);
+  least("with a force", non_zero, FuzzShares::kNonZeroMin);
+  least("slew-limited", slewed, FuzzShares::kSlewLimitedMin);
+  least("at the largest force", largest, FuzzShares::kAtLargestMin);
+  least("with a force after a position that was no number", one.again(), FuzzShares::kAgainMin);
+  if (one.renderer == "law") least("by a law", one.share(one.by_law), FuzzShares::kByLawMin);
+  least("with a force while not enabled", one.share(one.fading), FuzzShares::kFadingMin);
+  least("in silence past every limit", one.share(one.silent), FuzzShares::kSilentMin);
 }
 
 FuzzResult measure(bool quick, Promises& promises) {

@@ -22,8 +22,8 @@ constexpr double kAnswersS = 0.05;
 constexpr double kStallS = 0.2, kStallLateS = 0.1;  // with stalls, answers are no later than that
 constexpr double kUntoldM = 0.05;                   // of it and beyond the law says nothing
 constexpr double kOfServoBound = 0.9;
-constexpr double kHalfLeast = 0.95, kOneLeast = 0.99;  // of the ticks
-constexpr double kGivenMost = 0.01;                    // of what was held: what a law is off by
+constexpr double kHalfMin = 0.95, kOneMin = 0.99;  // of the ticks
+constexpr double kGivenMax = 0.01;                    // of what was held: what a law is off by
 constexpr double kRoundingJ = 1e-12;
 constexpr double kOverAllowed = 1.1;  // as lift.cpp's
 
@@ -87,21 +87,21 @@ std::vector<LiftOptions> lifts(bool quick) {
 
 struct Tally {
   std::size_t trials = 0, not_stable = 0, degraded = 0, generated = 0;
-  double half = 1, one = 1, given = 0, fast = 0, least_ledger_j = 0;
+  double half = 1, one = 1, given = 0, fast = 0, min_ledger_j = 0;
   void add(const TrialResult& r) {
     ++trials;
     not_stable += r.verdict != Verdict::kStable;
     degraded += r.degraded_share > 0;
-    generated += r.generated_j > kGivenMost * r.stored_j;
+    generated += r.generated_j > kGivenMax * r.stored_j;
     half = std::min(half, r.within_half);
     one = std::min(one, r.within_one);
     given = std::max(given, r.given);
     fast = std::max(fast, r.fast_share);
-    least_ledger_j = std::min(least_ledger_j, r.least_ledger_j);
+    min_ledger_j = std::min(min_ledger_j, r.min_ledger_j);
   }
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Tally, trials, not_stable, degraded, generated, half, one, given, fast,
-                                   least_ledger_j)
+                                   min_ledger_j)
 
 struct Figures {
   std::map<std::string, Tally> trials;
@@ -124,11 +124,11 @@ void measure_trials(bool quick, Figures& figures, Promises& promises) {
   std::vector<TrialResult> results(all.size());
   client::in_parallel(all.size(), [&](std::size_t n) { results[n] = run_trial(all[n]); });
   Tally told;
-  double least_ledger_j = 0;
+  double min_ledger_j = 0;
   for (std::size_t n = 0; n < all.size(); ++n) {
     const TrialOptions& t = all[n];
     const bool untold = t.law_end_m == kUntoldM;
-    least_ledger_j = std::min(least_ledger_j, results[n].least_ledger_j);
+    min_ledger_j = std::min(min_ledger_j, results[n].min_ledger_j);
     if (!untold) told.add(results[n]);
     const std::string capped = t.stiffness_n_m > t.device.largest_stiffness_n_m ? ", past the cap" : "";
     figures.trials[(untold          ? "told half of it"
@@ -145,11 +145,11 @@ void measure_trials(bool quick, Figures& figures, Promises& promises) {
         name.c_str(), t.trials, t.not_stable, t.generated, t.degraded, t.half, t.one, t.given, t.fast);
   promises.push_back({"law_trials_not_stable", double(told.not_stable), 0, "trials"});
   promises.push_back({"law_trials_that_generate_energy", double(told.generated), 0, "trials"});
-  promises.push_back({"law_given_beyond_k_t_half_over_what_was_held", told.given, kGivenMost});
-  promises.push_back({"law_least_share_of_ticks_within_half_a_percent", told.half, kHalfLeast, "", false});
-  promises.push_back({"law_least_share_of_ticks_within_a_percent", told.one, kOneLeast, "", false});
+  promises.push_back({"law_given_beyond_k_t_half_over_what_was_held", told.given, kGivenMax});
+  promises.push_back({"law_least_share_of_ticks_within_half_a_percent", told.half, kHalfMin, "", false});
+  promises.push_back({"law_least_share_of_ticks_within_a_percent", told.one, kOneMin, "", false});
   promises.push_back({"law_trials_degraded", double(told.degraded), 0, "trials"});
-  promises.push_back({"law_least_left_in_a_ledger", least_ledger_j, -kRoundingJ, "J", false});
+  promises.push_back({"law_least_left_in_a_ledger", min_ledger_j, -kRoundingJ, "J", false});
 }
 
 void measure_lifts(bool quick, Figures& figures, Promises& promises) {
@@ -180,8 +180,8 @@ void measure_lifts(bool quick, Figures& figures, Promises& promises) {
                       by_law.over_paid, kOverAllowed, "of K T/2"});
   promises.push_back({"law_lifts_degraded", double(steady.degraded), 0, "trials"});
   promises.push_back(
-      {"law_lifts_least_left_in_a_ledger", everywhere.least_ledger_j, -kRoundingJ, "J", false});
-  promises.push_back({"law_lifts_force_reached_over_the_largest", everywhere.most_force, 0.9, "", false});
+      {"law_lifts_least_left_in_a_ledger", everywhere.min_ledger_j, -kRoundingJ, "J", false});
+  promises.push_back({"law_lifts_force_reached_over_the_largest", everywhere.max_force, 0.9, "", false});
 }
 
 Figures measure(bool quick, Promises& promises) {

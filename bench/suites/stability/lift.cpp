@@ -115,7 +115,7 @@ Figures measure(bool quick, Promises& promises) {
   promises.push_back(
       {"lifts_and_taps_by_a_model_not_enabled_throughout", double(honest_ones.not_enabled), 0, "trials"});
   promises.push_back(
-      {"lifts_and_taps_force_reached_over_the_largest", honest_ones.most_force, 0.999, "", false});
+      {"lifts_and_taps_force_reached_over_the_largest", honest_ones.max_force, 0.999, "", false});
   return figures;
 }
 

@@ -11,7 +11,7 @@ namespace teletact::bench {
 
 struct LiftTally {
   std::size_t trials = 0, in_air = 0, degraded = 0, damped = 0, not_enabled = 0;
-  double in_air_n = 0, over_allowed = 0, over_paid = 0, given_j = 0, most_force = 0, least_ledger_j = 0;
+  double in_air_n = 0, over_allowed = 0, over_paid = 0, given_j = 0, max_force = 0, min_ledger_j = 0;
   void add(const LiftOptions& t, const LiftResult& r) {
     ++trials;
     in_air += r.in_air_n > 0;
@@ -22,11 +22,11 @@ struct LiftTally {
     over_allowed = std::max(over_allowed, r.over_allowed);
     over_paid = std::max(over_paid, r.over_paid);
     given_j = std::max(given_j, r.given_j);
-    most_force = std::max(most_force, r.largest_n / t.device.largest_force_n);
-    least_ledger_j = std::min(least_ledger_j, r.least_ledger_j);
+    max_force = std::max(max_force, r.largest_n / t.device.largest_force_n);
+    min_ledger_j = std::min(min_ledger_j, r.min_ledger_j);
   }
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LiftTally, trials, in_air, degraded, damped, not_enabled, in_air_n,
-                                   over_allowed, over_paid, given_j, most_force, least_ledger_j)
+                                   over_allowed, over_paid, given_j, max_force, min_ledger_j)
 
 }  // namespace teletact::bench

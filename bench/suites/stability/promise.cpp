@@ -30,13 +30,13 @@ using client::DeviceProfile;
 
 constexpr double kHeldS = 0.02;
 constexpr double kOfServoBound = 0.9;
-constexpr double kForceErrorMost = 1.2;
+constexpr double kForceErrorMax = 1.2;
 constexpr double kFeltError = 0.07;                           // of a force: the human threshold (T5.8)
 constexpr double kComparedLaw = 0.001, kComparedBest = 0.01;  // of the force: smaller errors are not compared
 constexpr double kLateMostS =
     0.2;  // promised so far; the chart goes on to 0.3 s, which is DEGRADED by design
 constexpr double kDrawdownTold = 0.1;
-constexpr double kGeneratedMost = 0.01;  // of what the display has held: rounding of quantised positions
+constexpr double kGeneratedMax = 0.01;  // of what the display has held: rounding of quantised positions
 
 std::vector<DeviceProfile> devices() {
   std::vector<DeviceProfile> all = client::device_profiles();
@@ -108,10 +108,10 @@ Row describe(const TrialOptions& t, const TrialResult& r) {
 }
 
 bool gives_energy(const TrialResult& r) {
-  return !(r.generated_j <= kGeneratedMost * std::max(r.stored_j, 1e-9));
+  return !(r.generated_j <= kGeneratedMax * std::max(r.stored_j, 1e-9));
 }
 bool errs(const TrialResult& r) {
-  return !(law_ratio(r) <= kForceErrorMost && best_ratio(r) <= kForceErrorMost);
+  return !(law_ratio(r) <= kForceErrorMax && best_ratio(r) <= kForceErrorMax);
 }
 bool fails(const TrialResult& r) {
   return r.verdict != Verdict::kStable || gives_energy(r) || errs(r) || r.degraded_share > 0;
@@ -144,11 +144,11 @@ struct Tally {
 void promise(const Tally& t, Promises& promises) {
   promises.push_back({"kalman_with_tangent_trials_not_stable", double(t.not_stable), 0, "trials"});
   promises.push_back({"kalman_with_tangent_and_controller_most_energy_generated_over_what_it_held",
-                      t.worst_generated, kGeneratedMost});
+                      t.worst_generated, kGeneratedMax});
   promises.push_back({"kalman_with_tangent_force_error_over_the_exact_models_of_the_same_age", t.worst_law,
-                      kForceErrorMost});
+                      kForceErrorMax});
   promises.push_back({"kalman_with_tangent_force_error_over_the_better_of_that_and_the_exact_tangent",
-                      t.worst_best, kForceErrorMost});
+                      t.worst_best, kForceErrorMax});
   promises.push_back(
       {"kalman_with_tangent_trials_degraded_answers_up_to_0_2_s_late", double(t.degraded), 0, "trials"});
 }
@@ -173,7 +173,7 @@ std::vector<Row> measure_failures(bool quick, Promises& promises) {
   std::printf(
       "  into tissue of which nothing was told: of %zu trials not stable %zu, active %zu, force error "
       "above %.1f of exact %zu; %zu unsaid\n",
-      all.trials, all.not_stable, all.active, kForceErrorMost, all.error, unsaid);
+      all.trials, all.not_stable, all.active, kForceErrorMax, all.error, unsaid);
   // Failures: not stable, active, a force missing that is felt.
   promises.push_back({"failures_not_said_as_degraded", double(unsaid), 0, "trials"});
   return rows;
@@ -183,7 +183,7 @@ void print(const std::string& what, const Tally& t) {
   std::printf(
       "  %s: of %zu not stable %zu, active %zu, force error above %.1f of exact %zu, DEGRADED %zu; given "
       "since any moment above %.1f of what the tissue held %zu\n",
-      what.c_str(), t.trials, t.not_stable, t.active, kForceErrorMost, t.error, t.degraded, kDrawdownTold,
+      what.c_str(), t.trials, t.not_stable, t.active, kForceErrorMax, t.error, t.degraded, kDrawdownTold,
       t.drawn);
 }
 

@@ -20,7 +20,7 @@
 namespace teletact::bench {
 namespace {
 
-constexpr std::size_t kLeastCases = 20;  // of a row, for a share to mean anything
+constexpr std::size_t kMinCases = 20;  // of a row, for a share to mean anything
 constexpr double kFires = 0.9, kStaysQuiet = 0.05;
 
 struct WarningOptions : SuiteOptions {
@@ -193,7 +193,7 @@ WarningFigures measure(const WarningOptions& options, Promises& promises) {
     print_others(row, all);
   }
   for (const WarningResult& r : figures.rows) {
-    if (r.cases < kLeastCases) continue;
+    if (r.cases < kMinCases) continue;
     const double share = static_cast<double>(r.fired + r.refused) / static_cast<double>(r.cases),
                  fired = static_cast<double>(r.fired) / static_cast<double>(r.cases);
     const std::string name = snake_case(r.warning + " " + r.name);

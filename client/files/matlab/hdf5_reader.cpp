@@ -11,9 +11,9 @@
 namespace teletact::client {
 namespace {
 
-constexpr std::size_t kMostListed = 500;    // bytes of names
-constexpr std::size_t kMostObjects = 1000;  // of a file
-constexpr std::size_t kMostText = 256;      // bytes
+constexpr std::size_t kMaxListed = 500;    // bytes of names
+constexpr std::size_t kMaxObjects = 1000;  // of a file
+constexpr std::size_t kMaxText = 256;      // bytes
 
 // Whether its superblock says that a writer has it open: so it stays when that writer crashes.
 bool was_not_closed(const std::filesystem::path& path, std::size_t file_bytes) {
@@ -37,7 +37,7 @@ std::string missing_filter(hid_t data) {
   for (int k = 0; k < filters; ++k) {
     unsigned flags = 0, settings = 0;
     std::size_t values = 0;
-    std::array<char, kMostText> name{};
+    std::array<char, kMaxText> name{};
     const H5Z_filter_t filter = H5Pget_filter2(made, static_cast<unsigned>(k), &flags, &values, nullptr,
                                                name.size() - 1, name.data(), &settings);
     if (filter >= 0 && H5Zfilter_avail(filter) <= 0)
@@ -69,12 +69,12 @@ std::string text_of(const Hdf5Node& node, const char* attribute) {
   if (H5Tis_variable_str(type) > 0) {
     char* text = nullptr;
     if (H5Aread(read, type, static_cast<void*>(&text)) < 0 || text == nullptr) return "";
-    std::string out(std::string_view(text).substr(0, kMostText));
+    std::string out(std::string_view(text).substr(0, kMaxText));
     H5free_memory(text);
     return out;
   }
   const std::size_t bytes = H5Tget_size(type);
-  if (bytes == 0 || bytes > kMostText) return "";
+  if (bytes == 0 || bytes > kMaxText) return "";
   std::string out(bytes, '\0');  // with or without a NUL at its end
   if (H5Aread(read, type, out.data()) < 0) return "";
   return out.c_str();
@@ -84,7 +84,7 @@ std::vector<std::string> names_in(const Hdf5Node& group) {
   std::vector<std::string> names;
   const auto add = [](hid_t, const char* name, const H5L_info_t*, void* into) -> herr_t {
     auto& all = *static_cast<std::vector<std::string>*>(into);
-    if (all.size() == kMostObjects) return 1;
+    if (all.size() == kMaxObjects) return 1;
     try {
       all.emplace_back(name);
     } catch (const std::bad_alloc&) {
@@ -99,7 +99,7 @@ std::vector<std::string> names_in(const Hdf5Node& group) {
 std::string listed(const std::vector<std::string>& names) {
   std::string list;
   for (const std::string& name : names) list += (list.empty() ? "" : ", ") + shown(name);
-  return shown(list, kMostListed);
+  return shown(list, kMaxListed);
 }
 
 Hdf5Reader::Hdf5Reader(const std::filesystem::path& path, std::size_t file_bytes, const std::string& remedy)
@@ -141,12 +141,12 @@ Hdf5Reader::Extent Hdf5Reader::extent_of(const Hdf5Node& data) const {
   if (H5Pget_layout(made) == H5D_VIRTUAL || H5Pget_external_count(made) != 0)
     refuse_field(data, "lies in another file; write it into this one");
   const int rank = H5Sget_simple_extent_ndims(space);
-  if (rank < 0 || rank > static_cast<int>(kMostRank) || H5Sget_simple_extent_type(space) == H5S_NULL)
+  if (rank < 0 || rank > static_cast<int>(kMaxRank) || H5Sget_simple_extent_type(space) == H5S_NULL)
     refuse_field(data,
                  "has " + std::to_string(rank) + " dimensions; at most pixels, channels, waves, frames");
   Extent out;
   out.rank = static_cast<std::size_t>(rank);
-  std::array<hsize_t, kMostRank> extent{};
+  std::array<hsize_t, kMaxRank> extent{};
   H5Sget_simple_extent_dims(space, extent.data(), nullptr);
   for (std::size_t k = 0; k < out.rank; ++k) out.size[k] = extent[out.rank - 1 - k];
   long double bytes = static_cast<long double>(H5Tget_size(type));
@@ -174,7 +174,7 @@ void Hdf5Reader::read(const Hdf5Node& data, std::size_t values, int along, std::
   const Hdf5Id space(H5Dget_space(data.id), H5Sclose);
   if (along >= 0) {
     const auto axis = static_cast<std::size_t>(along);
-    std::array<hsize_t, kMostRank> start{}, extent{};
+    std::array<hsize_t, kMaxRank> start{}, extent{};
     H5Sget_simple_extent_dims(space, extent.data(), nullptr);
     start.at(axis) = frame, extent.at(axis) = 1;
     H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, extent.data(), nullptr);

@@ -33,10 +33,10 @@ class Hdf5Reader {
   // `remedy`: for what is no HDF5 file.
   Hdf5Reader(const std::filesystem::path& path, std::size_t file_bytes, const std::string& remedy);
 
-  static constexpr std::size_t kMostRank = 4;
+  static constexpr std::size_t kMaxRank = 4;
   // Sizes of an array of numbers, the fastest first, as MATLAB has them; those after the last are 1.
   struct Extent {
-    std::array<std::size_t, kMostRank> size{1, 1, 1, 1};
+    std::array<std::size_t, kMaxRank> size{1, 1, 1, 1};
     std::size_t rank = 0;  // 0: one number
   };
 

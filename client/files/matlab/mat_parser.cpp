@@ -19,7 +19,7 @@ namespace {
 // deflate cannot shrink by more than about 1032: what claims more is a damaged header, refused unallocated.
 constexpr long double kLargestCompression = 1100;
 constexpr std::size_t kLargestValues = std::size_t{1} << 30;
-constexpr std::size_t kMostNamed = 500;  // bytes of the names of what is there
+constexpr std::size_t kMaxNamed = 500;  // bytes of the names of what is there
 
 // matio and HDF5 keep global state; files are read one at a time.
 std::mutex matio_mutex;
@@ -50,7 +50,7 @@ std::string names_in(mat_t* mat) {
   std::string list;
   for (std::size_t i = 0; names != nullptr && i < count; ++i)
     if (names[i] != nullptr) list += (list.empty() ? "" : ", ") + shown(names[i]);
-  return shown(list, kMostNamed);
+  return shown(list, kMaxNamed);
 }
 
 bool is_numeric(matio_classes c) {

@@ -31,7 +31,7 @@ namespace {
 constexpr const char* kName = "teletact-mat-parser";  // argv[0]; then how, variable, frame, bytes, seconds
 constexpr int kArguments = 6;
 constexpr const char *kRows = "rows", *kColumns = "columns", *kUff = "uff";  // how
-constexpr std::size_t kMostWords = 1000;                                     // of an error
+constexpr std::size_t kMaxWords = 1000;                                     // of an error
 constexpr const char* kFile = "/proc/self/fd/0";
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -127,7 +127,7 @@ void parse_and_say(const std::string& how, const std::string& variable, std::siz
     parse_frames(variable, how == kRows ? AxialAxis::kRows : AxialAxis::kColumns);
 } catch (const FileError& error) {
   const std::string words = error.what(), named = std::string(kFile) + ": ";
-  say(Head::kRefused, words.substr(words.starts_with(named) ? named.size() : 0, kMostWords));
+  say(Head::kRefused, words.substr(words.starts_with(named) ? named.size() : 0, kMaxWords));
 } catch (const std::bad_alloc&) {
   say(Head::kNoMemory, "");
 }
@@ -202,10 +202,10 @@ class Parser {
     Head head{};
     read(&head, sizeof head);
     if (head.kind == Head::kNoMemory) refuse_memory();
-    if (head.kind == Head::kRefused && head.counts[0] <= kMostWords) {
+    if (head.kind == Head::kRefused && head.counts[0] <= kMaxWords) {
       std::string words(head.counts[0], ' ');
       read(words.data(), words.size());
-      refuse(shown(words, kMostWords));
+      refuse(shown(words, kMaxWords));
     }
     // Of an image's frames it sends one.
     const std::uint64_t frames = wanted == Head::kImage ? 1 : head.counts[2];

@@ -12,8 +12,8 @@ namespace {
 
 using Node = Hdf5Node;
 
-constexpr std::size_t kMostOnAxis = std::size_t{1} << 20;
-constexpr long double kMostPixels = 1L << 24;  // of a frame
+constexpr std::size_t kMaxOnAxis = std::size_t{1} << 20;
+constexpr long double kMaxPixels = 1L << 24;  // of a frame
 constexpr double kUneven = 0.01;               // of an axis's step
 constexpr const char* kBeamformed = "uff.beamformed_data";
 constexpr const char* kChannels = "uff.channel_data";
@@ -120,9 +120,9 @@ class UffReader final : Hdf5Reader {
 
   Axis axis(const Node& data) const {
     const std::size_t n = count(data);
-    if (n < 2 || n > kMostOnAxis)
+    if (n < 2 || n > kMaxOnAxis)
       refuse_field(
-          data, "has " + std::to_string(n) + " places; an image needs 2 to " + std::to_string(kMostOnAxis));
+          data, "has " + std::to_string(n) + " places; an image needs 2 to " + std::to_string(kMaxOnAxis));
     const std::vector<double> at = whole(data, n);
     const Axis out{n, at.front(), (at.back() - at.front()) / static_cast<double>(n - 1)};
     if (!(out.step > 0)) refuse_field(data, "does not rise; it must, in metres");
@@ -134,7 +134,7 @@ class UffReader final : Hdf5Reader {
 
   // All of what has fewer dimensions than an image's frames.
   std::vector<double> whole(const Node& data, std::size_t n) const {
-    if (extent_of(data).size[kMostRank - 1] != 1)
+    if (extent_of(data).size[kMaxRank - 1] != 1)
       refuse_field(data, "has too many dimensions; write the object again");
     return finite<double>(data, n);
   }
@@ -151,7 +151,7 @@ class UffReader final : Hdf5Reader {
       refuse_field(across, "has several places; estimate plane by plane: beamform one of them");
     const Axis x = axis(child(scan, "x_axis")), z = axis(child(scan, "z_axis"));
     if (z.first < 0) refuse_field(child(scan, "z_axis"), "begins above the probe; begin it at 0 m or deeper");
-    if (static_cast<long double>(x.count) * static_cast<long double>(z.count) > kMostPixels)
+    if (static_cast<long double>(x.count) * static_cast<long double>(z.count) > kMaxPixels)
       refuse_field(scan, "has " + std::to_string(x.count) + " x " + std::to_string(z.count) +
                              " pixels, more than 16 million; beamform fewer lines or depths");
     image.line_count = x.count, image.line_pitch_m = x.step;
@@ -204,9 +204,9 @@ class UffReader final : Hdf5Reader {
     require_held(first, static_cast<long double>(pixels));
     image.frame_count = size[3];
     frame = std::min(frame, image.frame_count - 1);
-    const int frames = extent.rank < kMostRank ? -1
+    const int frames = extent.rank < kMaxRank ? -1
                        : size == written.size  ? 0
-                                               : static_cast<int>(kMostRank) - 1;
+                                               : static_cast<int>(kMaxRank) - 1;
     image.values = finite<float>(first, pixels, frames, frame);
     if (!is_complex) return;
     const Node second = child(data, "imag");

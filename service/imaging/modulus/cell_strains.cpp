@@ -13,7 +13,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kLargestNoise = 0.7;  // of the strain: with more a cell tells nothing
-constexpr double kLeastPart = 0.5;     // of a cell's nodes that must be measured
+constexpr double kMinPart = 0.5;     // of a cell's nodes that must be measured
 
 // Weights of the kernel's cells from the middle one on: the slope of a least-squares line weighs strain by a
 // parabola along the slope, and evenly across.
@@ -66,7 +66,7 @@ CellStrains cell_strains(const Measured& m, const CellGrid& cells, double top_m,
   }
   CellStrains out{VectorXd::Zero(size), VectorXd::Zero(size), VectorXd::Zero(size)};
   for (Index c = 0; c < size; ++c) {
-    if (!(count[c] > 0 && count[c] >= kLeastPart * nodes[c])) continue;
+    if (!(count[c] > 0 && count[c] >= kMinPart * nodes[c])) continue;
     const double strain = sum[c] / count[c], deviation = std::sqrt(squares[c] / count[c]);
     if (!(strain > 0 && deviation < kLargestNoise * strain)) continue;
     out.log_strain[c] = std::log(strain), out.deviation[c] = deviation / strain, out.told[c] = 1;

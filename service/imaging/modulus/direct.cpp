@@ -23,8 +23,8 @@ namespace {
 // inclusion goes on beside the window; .3 to .57 of phantoms), or for more than the one before, is the last.
 constexpr double kContracts = 0.6;
 // The equation may give anything where the strain says little: of mu over the background's.
-constexpr double kLeast = 0.05, kMost = 50;
-constexpr double kLeastStrain = 0.03;  // sqrt |det A| over its median
+constexpr double kMin = 0.05, kMax = 50;
+constexpr double kMinStrain = 0.03;  // sqrt |det A| over its median
 constexpr double kStreaks = 0.01;      // part of the window without a modulus from which on it is said
 
 class Direct : public ModulusMethod {
@@ -34,8 +34,8 @@ class Direct : public ModulusMethod {
     if (!(options_.background_below >= 0 && options_.full_above > options_.background_below))
       throw std::invalid_argument("background_below, full_above: must be 0 or more, and the second larger");
     if (!(options_.stabilisation >= 0)) throw std::invalid_argument("stabilisation: must be 0 or more");
-    if (options_.most_corrections < 0 || options_.most_corrections > 20)
-      throw std::invalid_argument("most_corrections: must be 0 to 20");
+    if (options_.max_corrections < 0 || options_.max_corrections > 20)
+      throw std::invalid_argument("max_corrections: must be 0 to 20");
     if (!(options_.settled >= 0)) throw std::invalid_argument("settled: must be 0 or more");
     ReferenceStressOptions reference;
     reference.corrections = 0;  // those of the direct map take their place
@@ -60,7 +60,7 @@ class Direct : public ModulusMethod {
     const double first = rms_under_probe(model, map.log_modulus - start);
     double change = first;
     bool contracts = true;
-    for (int n = 0; n < options_.most_corrections && contracts && change >= options_.settled; ++n) {
+    for (int n = 0; n < options_.max_corrections && contracts && change >= options_.settled; ++n) {
       Map next = map_from(map.log_modulus, map.estimate.background);
       const double then = rms_under_probe(model, next.log_modulus - map.log_modulus);
       if (!(then <= first)) break;
@@ -153,10 +153,10 @@ class Direct : public ModulusMethod {
                                             std::vector<double>& modulus) {
     const std::vector<double> size = strain_size(problem);
     std::vector<double> any_order = size;
-    const double least = kLeastStrain * median(any_order);
+    const double least = kMinStrain * median(any_order);
     std::size_t streaks = 0;
     for (std::size_t n = 0; n < modulus.size(); ++n) {
-      if (size[n] >= least && modulus[n] >= kLeast * background && modulus[n] <= kMost * background) continue;
+      if (size[n] >= least && modulus[n] >= kMin * background && modulus[n] <= kMax * background) continue;
       modulus[n] = std::numeric_limits<double>::quiet_NaN();
       ++streaks;
     }

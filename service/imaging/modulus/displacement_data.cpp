@@ -22,7 +22,7 @@ struct Line {
 
 }  // namespace
 
-DisplacementData::DisplacementData(const StripModel& model, const Measured& measured, float least_deviation_m,
+DisplacementData::DisplacementData(const StripModel& model, const Measured& measured, float min_deviation_m,
                                    double independent_m2)
     : dofs_(model.grid().dofs()),
       independence_(std::min(1.0, measured.grid.dx_m * measured.grid.dy_m / independent_m2)) {
@@ -32,7 +32,7 @@ DisplacementData::DisplacementData(const StripModel& model, const Measured& meas
     if (n % image.nx == 0) look();
     const double x = image.x_m(n);
     const double y = image.y_m(n);
-    const float deviation_m = std::max(measured.axial_displacement_std[n], least_deviation_m);
+    const float deviation_m = std::max(measured.axial_displacement_std[n], min_deviation_m);
     const bool weighs = deviation_m > 0 && std::isfinite(deviation_m);
     if (!measured.displacement_valid[n] || y > g.y_m.back() || !weighs) continue;
     const std::size_t i = cell_of(g.x_m, x), j = cell_of(g.y_m, y);

@@ -15,9 +15,9 @@ namespace teletact::service {
 
 class DisplacementData {
  public:
-  // least_deviation_m: no datum is taken for better; independent_m2: area over which the errors agree, so
+  // min_deviation_m: no datum is taken for better; independent_m2: area over which the errors agree, so
   // that nodes closer than that do not count as often as there are.
-  DisplacementData(const StripModel&, const Measured&, float least_deviation_m, double independent_m2);
+  DisplacementData(const StripModel&, const Measured&, float min_deviation_m, double independent_m2);
 
   struct Fit {
     double amplitude = 0, offset_m = 0;

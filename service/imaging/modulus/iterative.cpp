@@ -22,7 +22,7 @@ constexpr double kStepSolves = 4, kPosteriorSolves = 4;
 // one of its own (demo, patient 3), and the steps did not take that away; the direct method stops there by
 // itself since, but each correction takes the time of a step, and .35 s are all.
 DirectOptions as_start(DirectOptions direct) {
-  direct.most_corrections = std::min(direct.most_corrections, 1);
+  direct.max_corrections = std::min(direct.max_corrections, 1);
   return direct;
 }
 
@@ -42,7 +42,7 @@ class Iterative : public ModulusMethod {
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
     const VectorXd start = shrunk_log_modulus(model, in, out, shrink_);
-    DisplacementData data(model, in.measured, static_cast<float>(options_.least_deviation_m),
+    DisplacementData data(model, in.measured, static_cast<float>(options_.min_deviation_m),
                           kTrackingWindowM2);
     VectorXd prior = VectorXd::Zero(start.size());
     if (in.known && out.absolute) prior = beside(model, start);
@@ -73,7 +73,7 @@ class Iterative : public ModulusMethod {
     double longest_s = kStepSolves * solve_s, factor = 1;
     out.converged = false;
     VectorXd step;
-    for (out.iterations = 0; out.iterations < options_.most_steps && !out.converged;) {
+    for (out.iterations = 0; out.iterations < options_.max_steps && !out.converged;) {
       const double before = left();
       if (before <= longest_s + kept_s) break;
       if (factor == 1) step = problem.step(best);
@@ -97,7 +97,7 @@ class Iterative : public ModulusMethod {
       return "there was no time for a step of the iterative method: this is the direct method's modulus; "
              "allow more time";
     const std::string best = ", before it had settled: this is the best so far";
-    if (steps < options_.most_steps)
+    if (steps < options_.max_steps)
       return "the iterative modulus was stopped in time after " + std::to_string(steps) + " steps" + best +
              "; allow more time";
     return "the iterative modulus was stopped after " + std::to_string(steps) + " steps, the most" + best;

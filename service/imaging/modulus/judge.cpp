@@ -23,7 +23,7 @@ constexpr double kOfExtent = 2;           // of log E, for each part of the wind
 constexpr double kSoftLog = 0.1;          // log(background / E) from which on it is soft; fully at twice that
 constexpr double kPoissonError = 0.01;    // how well nu of tissue is known
 constexpr double kBorderM = 4e-3;         // on each side of a border
-constexpr std::size_t kLeastShared = 50;  // nodes that a comparison needs
+constexpr std::size_t kMinShared = 50;  // nodes that a comparison needs
 // Over a region the posterior's errors average out: of a median's deviation over that of its nodes.
 constexpr double kOfMedian = 0.5;
 constexpr double kSmear = 0.4;  // standard deviation of a triangular kernel over its reach
@@ -195,9 +195,9 @@ const char* name_of(ModulusFlag flag) {
 }
 
 double correlation_with_common(double length_m, double own, double common) {
-  constexpr double kFeltM = 5e-3, kMost = 0.99;
+  constexpr double kFeltM = 5e-3, kMax = 0.99;
   const double share = (own * std::exp(-kFeltM / length_m) + common) / (own + common);
-  return -kFeltM / std::log(std::min(share, kMost));
+  return -kFeltM / std::log(std::min(share, kMax));
 }
 
 ModulusJudge::ModulusJudge(std::shared_ptr<StripCache> strips, JudgeLimits limits, SlopeReach reach)
@@ -330,7 +330,7 @@ void ModulusJudge::scale(const ModulusInput& in, ModulusEstimate& out) const {
   if (!out.absolute || !in.known) return;
   double worst = 0, shift = 0;
   for (Comparison& c : compare(in, out)) {
-    if (c.places.size() < kLeastShared) continue;
+    if (c.places.size() < kMinShared) continue;
     const Comparison::Place typical = c.typical();
     const double of_median = out.kind == ModulusKind::kIterative ? kOfMedian : 1;
     const double off = std::abs(typical.difference) / (of_median * typical.deviation);

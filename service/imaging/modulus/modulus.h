@@ -93,11 +93,11 @@ class ModulusMethod {
 
 struct ReferenceStressOptions {
   int corrections = 3;         // times that the reference is solved again with the modulus found so far
-  double least_strain = 2e-4;  // magnitude; below it a node says nothing
+  double min_strain = 2e-4;  // magnitude; below it a node says nothing
   double range = 20;           // of E over its median, either way
   // Part of the median homogeneous strain below which nothing is said: near the bonded bottom and its corners
   // the probe hardly strains the tissue, and the corrections would amplify any error there.
-  double least_reference = 0.5;
+  double min_reference = 0.5;
   double near_field_m = 1e-3;  // depth in which nothing is said: strain kernels are cut there
   int median_radius = 2;       // nodes
 };
@@ -112,7 +112,7 @@ struct DirectOptions {
   // Times that border and lateral displacement are taken again from a forward solve, with the direct map; it
   // ends sooner when the modulus that such a solve would be given differs less from that of the one before
   // (log E, rms under the probe).
-  int most_corrections = 4;
+  int max_corrections = 4;
   double settled = 0.02;
   // In that modulus |log(E / background)| below the first counts as background, above the second fully: the
   // shadows that T3.1 throws above and below an inclusion would be given as truth.
@@ -131,12 +131,12 @@ struct IterativeOptions {
   double tv_floor_per_m = 50;  // gradient of log E below which TV is quadratic
   double prior_deviation = 2;  // of log E about the background (or what is known), per square millimetre
   double prior_beside = 40;    // times stronger beside the window, of which the data tell little
-  int most_steps = 16;         // Gauss-Newton
-  int most_products = 12;      // J^T J products within one
+  int max_steps = 16;         // Gauss-Newton
+  int max_products = 12;      // J^T J products within one
   std::size_t remembered_products = 24;  // of the steps before, that correct the preconditioner
   double inner_tolerance = 0.05;         // residual of the inner conjugate gradients
   double converged_step = 0.01;          // rms change of log E under the probe
-  double least_deviation_m = 0.3e-6;
+  double min_deviation_m = 0.3e-6;
   double largest_misfit = 6;  // mean square of (modelled - measured) / deviation; above it kMisfit
 };
 
@@ -150,9 +150,9 @@ std::unique_ptr<ModulusMethod> make_iterative(Queue, IterativeOptions, DirectOpt
 
 struct SolidModulusOptions {
   double tv_per_m = 5000, tv_floor_per_m = 50;  // as IterativeOptions
-  int most_steps = 10;
+  int max_steps = 10;
   double converged_step = 0.01;  // rms change of log E over the cells
-  double least_strain = 2e-4;    // magnitude of the median
+  double min_strain = 2e-4;    // magnitude of the median
   StrainOptions strain;          // with which it was measured
 };
 

@@ -14,8 +14,8 @@ namespace teletact::service {
 namespace {
 
 constexpr double kSquareM = 0.010;  // about what a finger feels
-constexpr double kMostTolerance = 0.1;
-constexpr double kMostNoise = 0.2;  // of the strain: expected_error() was fitted up to it
+constexpr double kMaxTolerance = 0.1;
+constexpr double kMaxNoise = 0.2;  // of the strain: expected_error() was fitted up to it
 
 std::string percent(double part) {
   return fmt::format("{:.1f} %", 100 * part);
@@ -54,7 +54,7 @@ double noise_of(const Measured& m) {
 }
 
 double expected_error(ModulusKind kind, const Unevenness& uneven, double noise) {
-  if (!(noise <= kMostNoise) || std::isnan(uneven.stiff)) return HUGE_VAL;
+  if (!(noise <= kMaxNoise) || std::isnan(uneven.stiff)) return HUGE_VAL;
   // Noise takes off no more than there is to see.
   const double both = uneven.soft + std::min(noise, std::max(uneven.stiff, uneven.soft));
   return kind == ModulusKind::kReferenceStress ? 0.032 + 0.36 * uneven.stiff + both : 0.010 + both;
@@ -62,7 +62,7 @@ double expected_error(ModulusKind kind, const Unevenness& uneven, double noise) 
 
 ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness& uneven,
                          const ModulusTime& time) {
-  const double tolerance = std::max(need.tolerance, std::min(need.common / 2, kMostTolerance));
+  const double tolerance = std::max(need.tolerance, std::min(need.common / 2, kMaxTolerance));
   const double reference = expected_error(ModulusKind::kReferenceStress, uneven, noise),
                iterative = expected_error(ModulusKind::kIterative, uneven, noise);
   const double start_s = time.expected_s[static_cast<std::size_t>(ModulusKind::kDirect)];
@@ -75,7 +75,7 @@ ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness
                         percent(reference), allowed)};
   const bool known = std::isfinite(iterative);
   std::string off =
-      noise > kMostNoise
+      noise > kMaxNoise
           ? fmt::format("the strain's noise of {} is too much to say by how much it is off", percent(noise))
           : "too little was measured to say by how much it is off";
   if (time.left_s && start_s > *time.left_s) {

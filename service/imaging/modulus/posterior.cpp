@@ -29,7 +29,7 @@ constexpr double kBesideM = 0.016;  // patches go on so far beside it
 // 1 to 1.06 of those of the whole matrix, at 1 and 3 % of strain, 0.4 and 1.2 um of noise; without 1.04
 // to 1.18.
 constexpr double kWithin = 0.02;
-constexpr double kLeastTexture = 0.35;  // variance of the tissue over the prior's, which is the most
+constexpr double kMinTexture = 0.35;  // variance of the tissue over the prior's, which is the most
 
 struct Patches {
   StripModel::Groups of_element;    // -1: none
@@ -55,7 +55,7 @@ struct Patches {
         const double apart = found[a] - found[b];
         ratios.push_back(apart * apart / (expected(a, a) + expected(b, b) - 2 * expected(a, b)));
       }
-    return std::clamp(median(ratios) / kMedianOfSquare, kLeastTexture, 1.0);
+    return std::clamp(median(ratios) / kMedianOfSquare, kMinTexture, 1.0);
   }
   Eigen::MatrixXd mean(const auto& of) const {  // Q
     Eigen::MatrixXd out = Eigen::MatrixXd::Zero(count(), of.cols());

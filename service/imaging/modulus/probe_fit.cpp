@@ -31,9 +31,9 @@ constexpr double kDeepestBlockM = 0.4;                         // of an image
 constexpr double kTrackedFromM = 1e-3;                         // depth below the face where tracking begins
 constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
 constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image shows
-constexpr double kMostTiltOfSides = 0.2;  // of the push, to an end of the face: with more none are tried
+constexpr double kMaxTiltOfSides = 0.2;  // of the push, to an end of the face: with more none are tried
 constexpr double kVary = 0.15, kTiltStep = 0.1;
-constexpr double kLeastElevationM = 3e-3, kMostElevationM = 0.040, kMostDepths = 3;
+constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 constexpr int kGolden = 5, kRounds = 2;
 
 constexpr double kWellExplained = 0.08;  // of the strain, unexplained: nothing else is tried
@@ -41,7 +41,7 @@ constexpr double kBetterBy = 0.7;        // another explanation must leave so mu
 constexpr double kSidesBetterBy = 0.85;  // of a hundred places that differ: ln of the odds is 16
 constexpr double kGradedBetterBy = 0.85;
 // Of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
-constexpr double kNotedGrading = 0.2, kMostGrading = 1.1;
+constexpr double kNotedGrading = 0.2, kMaxGrading = 1.1;
 constexpr double kNoWorse = 1.25;  // what leaves so much of the strain may as well be true
 
 // The depth at which the tissue begins, where what the image shows above it was not tracked.
@@ -65,7 +65,7 @@ double measured_lateral_ratio(const Measured& m) {
 
 // What is left of the strain, where the modulus may change with depth as it does in tissue.
 double left(const ProbeFit& fit) {
-  return std::abs(fit.grading) < kMostGrading ? std::min(fit.rest, fit.graded_rest / kGradedBetterBy)
+  return std::abs(fit.grading) < kMaxGrading ? std::min(fit.rest, fit.graded_rest / kGradedBetterBy)
                                               : fit.rest;
 }
 
@@ -199,7 +199,7 @@ struct ProbeFitter::Unknown {
 };
 
 // The least of what is left, by golden sections along one unknown and the other.
-bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double least_left_s,
+bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double min_left_s,
                          const ModulusInput& in) {
   const double image_m = u.face.image_depth_m;
   // Half squares of what is left, over as many places of the image as differ, and of what is unusual.
@@ -207,7 +207,7 @@ bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double least_
   bool in_time = true;
   VectorXd by_tilt;  // of the first: of the others it is nearly the same
   const auto cost = [&](double e, double h) {
-    in_time = in_time && !(in.seconds_left && in.seconds_left() <= least_left_s);
+    in_time = in_time && !(in.seconds_left && in.seconds_left() <= min_left_s);
     if (!in_time) return HUGE_VAL;
     try {
       const ProbeFit at = tried(pair, u.at(e, h), false, &by_tilt);
@@ -221,10 +221,10 @@ bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double least_
   if (!(u.elevation && u.depth)) rounds = u.elevation || u.depth;
   for (int round = 0; round < rounds; ++round) {
     if (u.elevation)
-      u.log_elevation = least(std::log(kLeastElevationM), std::log(kMostElevationM), kGolden, u.log_elevation,
+      u.log_elevation = least(std::log(kMinElevationM), std::log(kMaxElevationM), kGolden, u.log_elevation,
                               [&](double e) { return cost(e, u.log_depth); });
     if (u.depth)
-      u.log_depth = least(std::log(image_m), std::log(kMostDepths * image_m), kGolden, u.log_depth,
+      u.log_depth = least(std::log(image_m), std::log(kMaxDepths * image_m), kGolden, u.log_depth,
                           [&](double h) { return cost(u.log_elevation, h); });
   }
   return in_time;
@@ -261,7 +261,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     return other.rest;
   };
   // A face that touches in part looks tilted, and sides would explain some of it.
-  const bool tilted = std::abs(out.tilt) > kMostTiltOfSides;
+  const bool tilted = std::abs(out.tilt) > kMaxTiltOfSides;
   if (!u.depth && !late()) {
     Unknown deeper = u;
     deeper.depth = true;

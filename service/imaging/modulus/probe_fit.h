@@ -57,7 +57,7 @@ class ProbeFitter {
   };
   struct Unknown;
   // In so many rounds, while more than that is left. False: there was no time for all of it.
-  bool search(const Pair&, Unknown&, int rounds, double least_left_s, const ModulusInput&);
+  bool search(const Pair&, Unknown&, int rounds, double min_left_s, const ModulusInput&);
   // Tissue, and how it answers where it is homogeneous.
   struct Kept {
     ProbeFace face;

@@ -24,14 +24,14 @@ using Eigen::VectorXd;
 
 constexpr double kCellM = 1e-3;  // about, under the probe
 // Nodes under the probe across the plane, odd: one lies in it; fewer where the period would be too short.
-constexpr std::size_t kMostAcross = 7, kLeastAcross = 3;
+constexpr std::size_t kMaxAcross = 7, kMinAcross = 3;
 // Nodes h apart that are pushed alike act as a face that ends a quarter of h beyond the last: strains at 4 mm
 // and deeper are then within 2 % of those of a mesh three times as fine.
 constexpr double kBeyond = 0.5;
-constexpr double kLeastGap = 1.6;  // to the period's next probe, in depths of tissue, as far as there is room
-constexpr double kLeastPeriod = 8;  // the same, of tissue whose period is not felt
-constexpr std::size_t kMostColumns = 256, kMostRows = 64, kLeastPeriodAcross = 32, kMostWide = 512;
-constexpr std::size_t kMostElements = 2'000'000;
+constexpr double kMinGap = 1.6;  // to the period's next probe, in depths of tissue, as far as there is room
+constexpr double kMinPeriod = 8;  // the same, of tissue whose period is not felt
+constexpr std::size_t kMaxColumns = 256, kMaxRows = 64, kMinPeriodAcross = 32, kMaxWide = 512;
+constexpr std::size_t kMaxElements = 2'000'000;
 constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
 constexpr double kMirroredM = 0.020;
 constexpr double kApartElements = 2;  // across the image: slices nearer than that are not told apart
@@ -42,7 +42,7 @@ constexpr std::size_t kSlidingRows = 3;
 constexpr double kSlidingDepth = 0.05, kSlidingModulus = 0.02;
 // Of the solution, in energy; of tissue that ends what bounds it is some ten times what it is off by, and
 // what rounding may do to it lies beyond.
-constexpr double kAccuracy = 2e-3, kAccuracyOfSides = 2e-2, kLeastAccuracy = 5e-2;
+constexpr double kAccuracy = 2e-3, kAccuracyOfSides = 2e-2, kMinAccuracy = 5e-2;
 
 void require_above_zero(double value, const char* field) {
   if (!(value > 0 && std::isfinite(value)))
@@ -68,7 +68,7 @@ std::vector<double> rows_of_nodes(const ProbeFace& face, double image_m, std::si
 }
 
 double gap_m(const ProbeFace& face) {
-  return kLeastGap * face.depth_m;
+  return kMinGap * face.depth_m;
 }
 
 // Nodes pressed along the image. Tissue that ends takes more steps than tissue that goes on: for it cells are
@@ -76,9 +76,9 @@ double gap_m(const ProbeFace& face) {
 std::size_t nodes_along(const ProbeFace& face) {
   require_above_zero(face.width_m, "window_width_m");
   constexpr double kWidestM = 1.5e-3;
-  const double of_half_m = (face.width_m + gap_m(face)) / static_cast<double>(kMostColumns / 2),
+  const double of_half_m = (face.width_m + gap_m(face)) / static_cast<double>(kMaxColumns / 2),
                cell_m = face.goes_on() || of_half_m > kWidestM ? kCellM : std::max(kCellM, of_half_m);
-  return std::clamp<std::size_t>(static_cast<std::size_t>(face.width_m / cell_m + 0.49), 8, kMostColumns / 2);
+  return std::clamp<std::size_t>(static_cast<std::size_t>(face.width_m / cell_m + 0.49), 8, kMaxColumns / 2);
 }
 
 double spacing(double length_m, std::size_t nodes) {
@@ -93,26 +93,26 @@ CellGrid cells_under(const ProbeFace& face) {
   cells.columns = nodes_along(face) - 1;
   cells.spacing_m = spacing(face.width_m, nodes_along(face));
   cells.first_x_m = (kBeyond / 2 + 0.5) * cells.spacing_m;
-  cells.rows = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(image_m / kCellM)), 4, kMostRows);
+  cells.rows = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(image_m / kCellM)), 4, kMaxRows);
   cells.row_m = image_m / static_cast<double>(cells.rows);
   return cells;
 }
 
 // Nodes of the face across the plane.
 std::size_t nodes_across(const ProbeFace& face) {
-  std::size_t nodes = kMostAcross;
+  std::size_t nodes = kMaxAcross;
   const auto fits = [&](std::size_t columns) {
     return static_cast<double>(nodes) + gap_m(face) / spacing(face.elevation_m, nodes) <=
            static_cast<double>(columns);
   };
-  if (!face.goes_on() && !fits(kMostColumns / 4)) nodes -= 2;
-  while (nodes > kLeastAcross && !fits(kMostColumns)) nodes -= 2;
+  if (!face.goes_on() && !fits(kMaxColumns / 4)) nodes -= 2;
+  while (nodes > kMinAcross && !fits(kMaxColumns)) nodes -= 2;
   return nodes;
 }
 
 std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
   const double wanted =
-      std::min(static_cast<double>(nodes) + gap_m / spacing_m, static_cast<double>(kMostColumns));
+      std::min(static_cast<double>(nodes) + gap_m / spacing_m, static_cast<double>(kMaxColumns));
   return std::bit_ceil(static_cast<std::size_t>(wanted));
 }
 
@@ -123,9 +123,9 @@ SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells) {
   tissue.grid.spacing_x_m = cells.spacing_m;
   tissue.grid.spacing_z_m = spacing(face.elevation_m, across);
   tissue.grid.nx = period(cells.columns + 1, gap_m(face), tissue.grid.spacing_x_m);
-  tissue.grid.nz = std::max(kLeastPeriodAcross, period(across, gap_m(face), tissue.grid.spacing_z_m));
+  tissue.grid.nz = std::max(kMinPeriodAcross, period(across, gap_m(face), tissue.grid.spacing_z_m));
   tissue.grid.y_m = rows_of_nodes(face, cells.row_m * static_cast<double>(cells.rows), cells.rows);
-  while (tissue.grid.elements() > kMostElements && tissue.grid.nz > kLeastPeriodAcross) tissue.grid.nz /= 2;
+  while (tissue.grid.elements() > kMaxElements && tissue.grid.nz > kMinPeriodAcross) tissue.grid.nz /= 2;
   tissue.poisson_ratio = face.poisson_ratio;
   tissue.youngs_modulus_pa.assign(tissue.grid.elements(), 1.0);
   if (face.slides)
@@ -136,9 +136,9 @@ SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells) {
 // Of elements along a period that begins at the face's first node, `wide` of them under the face: the share
 // that lies within the tissue, of which at most so much of the gap to the next face is left.
 std::vector<double> within(const ProbeFace& face, std::size_t period, std::size_t wide, double spacing_m) {
-  constexpr double kMostOfGap = 0.875;
+  constexpr double kMaxOfGap = 0.875;
   const double beyond = kBeyond / 2, gap = static_cast<double>(period - wide) - kBeyond,
-               beside = std::min(face.beside_m / spacing_m, kMostOfGap * gap / 2);
+               beside = std::min(face.beside_m / spacing_m, kMaxOfGap * gap / 2);
   std::vector<double> share(period, 1.0);
   if (face.goes_on()) return share;
   for (std::size_t n = wide; n < period; ++n) {
@@ -189,7 +189,7 @@ class ProbedSolid : public ProbedTissue {
     SolidOptions options;
     options.relative_error = face_.goes_on() ? kAccuracy : kAccuracyOfSides;
     const SolidSolution solution = solver_.push(patch_, w, options);
-    if (solution.reason != StopReason::kConverged && !(solution.bounded_error() <= kLeastAccuracy))
+    if (solution.reason != StopReason::kConverged && !(solution.bounded_error() <= kMinAccuracy))
       throw std::invalid_argument(fmt::format(
           "probe_elevation_m, tissue_depth_m, poisson_ratio: a face of {:.3g} m x {:.3g} m on tissue {:.3g} "
           "m "
@@ -211,8 +211,8 @@ class ProbedSolid : public ProbedTissue {
       const SolidGrid& grid = tissue_.grid;
       const LayeredTissue layers{solver_.layers().youngs_modulus_pa};
       const double period_m =
-          std::min(kLeastPeriod * grid.y_m.back(),
-                   static_cast<double>(kMostWide) * std::min(grid.spacing_x_m, grid.spacing_z_m));
+          std::min(kMinPeriod * grid.y_m.back(),
+                   static_cast<double>(kMaxWide) * std::min(grid.spacing_x_m, grid.spacing_z_m));
       const auto wide = wide_surface(grid, layers, tissue_.poisson_ratio, period_m);
       look();
       force_share_ = force_of(solver_.row()->layered, patch_, grid.nx, grid.nz) /

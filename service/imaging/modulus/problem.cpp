@@ -73,7 +73,7 @@ VectorXd ModulusProblem::step(const Point& p) {
   VectorXd step = VectorXd::Zero(r.size()), z = preconditioned(r, known), d = z;
   double rz = r.dot(z);
   const double enough = options_.inner_tolerance * options_.inner_tolerance * rz;
-  for (int k = 0; k < options_.most_products && rz > enough; ++k) {
+  for (int k = 0; k < options_.max_products && rz > enough; ++k) {
     look();
     const VectorXd h = lagged * d + prior_weight_.cwiseProduct(d) + adjoint(p, e, forward(p, e, d));
     const double dh = d.dot(h), length = rz / dh;

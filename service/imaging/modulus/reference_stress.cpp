@@ -26,9 +26,9 @@ class ReferenceStress : public ModulusMethod {
         strips_(strips ? std::move(strips) : std::make_shared<StripCache>()),
         ratio_(queue_.kernel("modulus", "reference_stress", Precision::kFloat)),
         median_(queue_.kernel("modulus", "modulus_median", Precision::kFloat)) {
-    if (!(options_.least_strain > 0)) throw std::invalid_argument("least_strain: must be above 0");
-    if (!(options_.least_reference >= 0 && options_.least_reference < 1))
-      throw std::invalid_argument("least_reference: must be 0 or more and below 1");
+    if (!(options_.min_strain > 0)) throw std::invalid_argument("min_strain: must be above 0");
+    if (!(options_.min_reference >= 0 && options_.min_reference < 1))
+      throw std::invalid_argument("min_reference: must be 0 or more and below 1");
     if (!(options_.range > 1)) throw std::invalid_argument("range: must be above 1");
     if (options_.corrections < 0 || options_.corrections > 20)
       throw std::invalid_argument("corrections: must be 0 to 20");
@@ -74,7 +74,7 @@ class ReferenceStress : public ModulusMethod {
                  [](float s) { return std::isfinite(s); });
     if (finite.empty())
       throw NoCompression("the frame shows nothing of the tissue; check depth_m and first_sample_depth_m");
-    const double least = options_.least_reference * std::abs(median(finite));
+    const double least = options_.min_reference * std::abs(median(finite));
     std::vector<bool> reached(homogeneous.size());
     for (std::size_t n = 0; n < reached.size(); ++n) reached[n] = std::abs(homogeneous[n]) >= least;
     return reached;
@@ -99,10 +99,10 @@ class ReferenceStress : public ModulusMethod {
     if (axial.empty())
       throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
     mean_axial_strain = median(axial);
-    if (!(std::abs(mean_axial_strain) >= options_.least_strain))
+    if (!(std::abs(mean_axial_strain) >= options_.min_strain))
       throw NoCompression(fmt::format(
           "the median axial strain is {:.3g} %, less than {:.3g} %: press further between the frames",
-          100 * mean_axial_strain, 100 * options_.least_strain));
+          100 * mean_axial_strain, 100 * options_.min_strain));
     return median(ratios);
   }
 
@@ -116,7 +116,7 @@ class ReferenceStress : public ModulusMethod {
     const Range range{{grid.size(), 1, 1}, {kModulusGroup, 1, 1}};
     ratio_(range, measured.axial_strain, measured.trusted, reference, raw, nx, ny,
            static_cast<float>(amplitude), static_cast<float>(scale),
-           static_cast<float>(options_.least_strain), static_cast<float>(options_.range), first_row);
+           static_cast<float>(options_.min_strain), static_cast<float>(options_.range), first_row);
     median_(range, raw, smooth, nx, ny, options_.median_radius);
     return queue_.read(smooth);
   }

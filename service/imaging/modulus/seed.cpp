@@ -10,13 +10,13 @@ namespace teletact::service {
 namespace {
 
 // Part of the median modelled strain below which a node does not vote on the amplitude (ReferenceStress).
-constexpr double kLeastReached = 0.5;
+constexpr double kMinReached = 0.5;
 
 double amplitude(const ModelState& state, const AxialSlopes& slopes) {
   std::vector<double> modelled = state.along, ratios;
   const double typical = std::abs(median(modelled));
   for (std::size_t n = 0; n < state.along.size(); ++n)
-    if (slopes.measured[n] && std::abs(state.along[n]) >= kLeastReached * typical)
+    if (slopes.measured[n] && std::abs(state.along[n]) >= kMinReached * typical)
       ratios.push_back(slopes.along[n] / state.along[n]);
   if (ratios.empty())
     throw NoCompression("no node of the displacement can be trusted inside the tissue; check depth_m");

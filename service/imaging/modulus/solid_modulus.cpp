@@ -32,10 +32,10 @@ constexpr double kUntoldLog = 0.6931;   // ln 2: of what no strain tells
 constexpr double kTiltLog = 0.25;       // of the tilt: the tissue's own ramp may look like it
 constexpr double kRangeLog = 3;         // of ln E about the background
 constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
-constexpr double kMostRest = 0.15;      // of the strain, unexplained
+constexpr double kMaxRest = 0.15;      // of the strain, unexplained
 // Of the push, from the middle of the face to an end: more is no tilt. Where an end does not touch, the tilt
 // that is fitted goes to its bound.
-constexpr double kMostUneven = 0.35;
+constexpr double kMaxUneven = 0.35;
 // Of a lump's ln E: a sphere and a cylinder of contrast 3 differ by 12 % in one slice (5: 14 %), and total
 // variation takes some.
 constexpr double kOneSliceLog = 0.1;
@@ -43,7 +43,7 @@ constexpr double kOneSliceOfBlockLog = 0.2;  // of tissue as wide as the probe, 
 constexpr double kUnsettledLog = 0.5;        // of the last step, where the time ended before it was small
 // Of ln E about the background: what is stiffer hardly strains, so that how stiff it is nobody knows. As long
 // as it bears little of the force, that does not matter.
-constexpr double kStiffLog = 1.8, kMostOfStiff = 1.3;
+constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
 
 TissueGrid mesh_of(const CellGrid& cells) {
   TissueGrid grid;
@@ -77,11 +77,11 @@ class Denoiser {
 
  private:
   static constexpr int kLagged = 5;
-  static constexpr double kLeastWeight = 1e-6;  // so that a map of nothing has an answer
+  static constexpr double kMinWeight = 1e-6;  // so that a map of nothing has an answer
   void factorize(const VectorXd& weight, const VectorXd& v) {
     look();
     Eigen::SparseMatrix<double> matrix = options_.tv_per_m * variation_.lagged(v);
-    matrix.diagonal() += (weight.array() + kLeastWeight).matrix();
+    matrix.diagonal() += (weight.array() + kMinWeight).matrix();
     if (!factor_.analyzed()) factor_.analyze(matrix, order_);
     if (!factor_.factorize(matrix)) throw std::domain_error("the modulus of the cells is not determined");
   }
@@ -126,7 +126,7 @@ class SolidModulusMethod : public ModulusMethod {
                "{:.0f} % of the strain is unexplained, and there was no time to try all of another depth, "
                "tissue that ends beside the probe, and one that slides; give more time",
                100 * fit.rest)});
-    if (fit.rest > kMostRest)
+    if (fit.rest > kMaxRest)
       out.warnings.push_back(
           {ModulusFlag::kMisfit,
            fmt::format(
@@ -154,11 +154,11 @@ class SolidModulusMethod : public ModulusMethod {
     if (told.empty())
       throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
     const double mean = median(told);
-    if (!(std::abs(mean) >= options_.least_strain))
+    if (!(std::abs(mean) >= options_.min_strain))
       throw NoCompression(
           fmt::format("the median axial strain is {:.3g} %, less than {:.3g} %: press further "
                       "between the frames",
-                      100 * mean, 100 * options_.least_strain));
+                      100 * mean, 100 * options_.min_strain));
     return mean;
   }
 
@@ -183,7 +183,7 @@ class SolidModulusMethod : public ModulusMethod {
       return theta.maxCoeff() > kStiffLog ? 2 : in.force ? 1 : 0;
     };
     out.converged = false;
-    while (out.iterations < options_.most_steps) {
+    while (out.iterations < options_.max_steps) {
       const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
       if (out.iterations > 0 && left_s <= (1 + solves_after()) * took_s) {
         out.warnings.push_back({ModulusFlag::kDeadline,
@@ -206,7 +206,7 @@ class SolidModulusMethod : public ModulusMethod {
         throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
       const StrainFit at = fit_strain(theta + residual, told, fit.by_tilt);
       const double before = tilt;
-      tilt = std::clamp(tilt + at.tilt, -kMostTilt, kMostTilt);
+      tilt = std::clamp(tilt + at.tilt, -kMaxTilt, kMaxTilt);
       tilt_deviation = at.tilt_deviation * std::sqrt(kAlikeM2 / (cells.spacing_m * cells.row_m));
       residual += (tilt - before) * fit.by_tilt;
       const double level = level_of(residual, told);
@@ -222,7 +222,7 @@ class SolidModulusMethod : public ModulusMethod {
       out.converged = change < options_.converged_step;
       if (out.converged) break;
     }
-    if (std::abs(tilt) > kMostUneven)
+    if (std::abs(tilt) > kMaxUneven)
       out.warnings.push_back(
           {ModulusFlag::kMisfit,
            fmt::format("the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to "
@@ -232,7 +232,7 @@ class SolidModulusMethod : public ModulusMethod {
     if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, told, beside);
     if (stiff) {
       const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, told, beside);
-      if (found.force_n > kMostOfStiff * without_n)
+      if (found.force_n > kMaxOfStiff * without_n)
         out.warnings.push_back(
             {ModulusFlag::kMisfit,
              fmt::format(
@@ -259,7 +259,7 @@ class SolidModulusMethod : public ModulusMethod {
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
     return found;
   }
-  static constexpr double kMostTilt = 0.5;
+  static constexpr double kMaxTilt = 0.5;
 
   // Each about its own background, 0 where it says nothing: their levels differ by their forces' errors.
   static ProbedTissue::Planes planes_beside(const ModulusInput& in, const ProbeFit& fit) {

@@ -14,13 +14,13 @@ class Work {
  public:
   void add(Eigen::Index multiply_adds) {
     done_ += multiply_adds;
-    if (done_ < kMost) return;
+    if (done_ < kMax) return;
     done_ = 0;
     look();
   }
 
  private:
-  static constexpr Eigen::Index kMost = 2'000'000;  // some milliseconds
+  static constexpr Eigen::Index kMax = 2'000'000;  // some milliseconds
   Eigen::Index done_ = 0;
 };
 

@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 constexpr double kTextureLog = 0.1;  // of ln E of what still looks homogeneous
 constexpr int kReweighted = 12;
 constexpr double kUsualTilt = 0.3, kUsualGrading = 1;
-constexpr double kLeastRest = 0.02;
+constexpr double kMinRest = 0.02;
 
 }  // namespace
 
@@ -44,7 +44,7 @@ StrainFit fit_strain(const VectorXd& residual, const VectorXd& weight, const Vec
     normal(1, 1) += squared(out.rest / kUsualTilt), normal(2, 2) += squared(out.rest / kUsualGrading);
     const Eigen::Vector3d solution = normal.fullPivLu().solve(load);
     out.level = solution[0], out.tilt = solution[1], out.grading = solution[2];
-    out.rest = std::max(1.48 * median(sizes), kLeastRest);
+    out.rest = std::max(1.48 * median(sizes), kMinRest);
   }
   out.tilt_deviation = out.rest * std::sqrt(std::max(0.0, normal.inverse()(1, 1)));
   return out;

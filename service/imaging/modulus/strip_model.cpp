@@ -365,7 +365,7 @@ std::shared_ptr<StripCache::Entry> StripCache::get(const TissueExtent& tissue, d
   entry->charge.shrink(bytes.kept);
   kept_.push_front(std::make_shared<Kept>(key, entry));
   account_.add(Place::kHost, kept_.front());
-  if (kept_.size() > kMost) kept_.pop_back();
+  if (kept_.size() > kMax) kept_.pop_back();
   return entry;
 }
 

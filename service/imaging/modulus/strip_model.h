@@ -121,9 +121,9 @@ class StripCache {
   };
   // In whose name models are held that are made from now on.
   void charge_to(const MemoryAccount& account) { account_ = account; }
-  // Throws as StripModel, and MemoryRefused. The entry lives as long as it is held or among the latest kMost.
+  // Throws as StripModel, and MemoryRefused. The entry lives as long as it is held or among the latest kMax.
   std::shared_ptr<Entry> get(const TissueExtent&, double window_width_m);
-  static constexpr std::size_t kMost = 32;
+  static constexpr std::size_t kMax = 32;
 
  private:
   struct Key {

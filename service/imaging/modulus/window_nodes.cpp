@@ -14,7 +14,7 @@ namespace {
 
 // Part of a whole neighbourhood's weight that must be there and trusted: a fit to one side alone, at the
 // border of the image, is three times as noisy and biased by the near field.
-constexpr double kLeastMeasured = 0.6;
+constexpr double kMinMeasured = 0.6;
 
 struct Span {
   std::ptrdiff_t first, last;
@@ -93,7 +93,7 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const Measured& measured, Slo
         const double weight = (1 - std::abs(dx)) * (1 - std::abs(dy));
         if (measured.displacement_valid[at(i, j)]) fit.add(dx, dy, weight, axial_m[at(i, j)] - origin);
       }
-    if (!(fit.weight >= kLeastMeasured * whole)) continue;
+    if (!(fit.weight >= kMinMeasured * whole)) continue;
     Eigen::Matrix3d inverse;
     bool invertible = false;
     fit.normal.computeInverseWithCheck(inverse, invertible, 1e-6 * std::pow(fit.weight, 3));

@@ -35,10 +35,10 @@ float to_one(const RfFrame& frame) {
 }  // namespace
 
 QuadratureTaps quadrature_taps(const AcquisitionGeometry& geometry) {
-  constexpr double kPeriods = 2, kMostPerPeriod = 16;
+  constexpr double kPeriods = 2, kMaxPerPeriod = 16;
   const double period = geometry.sampling_frequency_hz / geometry.center_frequency_hz;  // in samples
   QuadratureTaps out;
-  out.step = std::max(1, static_cast<int>(period / kMostPerPeriod));
+  out.step = std::max(1, static_cast<int>(period / kMaxPerPeriod));
   out.half = static_cast<int>(std::ceil(kPeriods / 2 * period / out.step)) - 1;
   for (int t = -out.half; t <= out.half; ++t) {
     const double at = 2 * std::numbers::pi * t * out.step / period, window = 1 + std::cos(at / kPeriods);
@@ -56,7 +56,7 @@ BModeImager::BModeImager(Queue queue)
 BMode BModeImager::image(const RfFrame& frame, const AcquisitionGeometry& geometry) {
   const QuadratureTaps quadrature = quadrature_taps(geometry);
   const std::size_t samples = frame.sample_count, lines = frame.line_count;
-  const std::size_t step = (samples + BMode::kMostRows - 1) / BMode::kMostRows,
+  const std::size_t step = (samples + BMode::kMaxRows - 1) / BMode::kMaxRows,
                     rows = (samples + step - 1) / step;
   const Padding pad = padding(frame, quadrature.half * quadrature.step, 0);
   const Array<float> image = queue_.array(padded(frame, pad));

@@ -14,7 +14,7 @@ namespace teletact::service {
 // samples that there are at most 512 rows.
 struct BMode {
   static constexpr double kRangeDb = 60;
-  static constexpr std::size_t kMostRows = 512;
+  static constexpr std::size_t kMaxRows = 512;
   ImageGrid grid;
   std::vector<std::uint8_t> grey;
 };

@@ -84,7 +84,7 @@ DisplacementEstimator::Workspace::Workspace(const RfFrame& frame, const Acquisit
       period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)),
       pad(padding(frame, plan.margin_samples() + plan.fine.window.half_axial + 4, plan.margin_lines())) {
   found.grid = centred_grid(frame, whole_steps(o.grid_dx_m, plan.line_pitch_m),
-                            std::max(kLeastStep, whole_steps(o.grid_dy_m, plan.sample_pitch_m)));
+                            std::max(kMinStep, whole_steps(o.grid_dy_m, plan.sample_pitch_m)));
 }
 
 void DisplacementEstimator::Workspace::allocate(const Queue& q, const DisplacementOptions& o) {

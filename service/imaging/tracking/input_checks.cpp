@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kFrequencyRatio = 1.5;
 constexpr std::size_t kLinesLookedAt = 16;
-constexpr double kLeastMotionM = 5e-6;  // of one side over the other: well above what tracking is off by
+constexpr double kMinMotionM = 5e-6;  // of one side over the other: well above what tracking is off by
 
 std::string in_mhz(double hz) {
   char text[32];
@@ -74,10 +74,10 @@ std::optional<std::string> contradicted_frame(const AcquisitionGeometry& geometr
   const auto top = motion(grid, axial_displacement, trusted, false),
              bottom = motion(grid, axial_displacement, trusted, true);
   if (!top || !bottom) return std::nullopt;
-  if (geometry.frame == DisplacementFrame::kLab && *bottom > *top + kLeastMotionM)
+  if (geometry.frame == DisplacementFrame::kLab && *bottom > *top + kMinMotionM)
     return "displacement_frame: LAB is stated, where the far side rests, but it moves more than the probe's "
            "side: PROBE?";
-  if (geometry.frame == DisplacementFrame::kProbe && *top > *bottom + kLeastMotionM)
+  if (geometry.frame == DisplacementFrame::kProbe && *top > *bottom + kMinMotionM)
     return "displacement_frame: PROBE is stated, where the probe's side rests, but it moves more than the "
            "far "
            "side: LAB?";

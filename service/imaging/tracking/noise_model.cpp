@@ -65,11 +65,11 @@ std::vector<double> best_gain(const std::vector<double>& mean, const std::vector
     p.push_back(spectrum(mean, 0.5 * n / frequencies));
     q.push_back(spectrum(difference, 0.5 * n / frequencies) / 4);
   }
-  const double least_q = band.quietest * *std::max_element(q.begin(), q.end());
+  const double min_q = band.quietest * *std::max_element(q.begin(), q.end());
   for (int n = 0; n <= frequencies; ++n) {
     const auto at = static_cast<std::size_t>(n);
     const double common = p[at] - q[at];
-    const double signal = p[at] > 0 && common > 0 ? common / (p[at] * std::max(q[at], least_q)) : 0;
+    const double signal = p[at] > 0 && common > 0 ? common / (p[at] * std::max(q[at], min_q)) : 0;
     const double pass = std::clamp((band.stop - 0.5 * n / frequencies) / (band.stop - band.pass), 0.0, 1.0);
     gain.push_back(pass * std::sqrt(signal));
   }

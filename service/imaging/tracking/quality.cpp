@@ -11,7 +11,7 @@ namespace teletact::service {
 namespace {
 
 constexpr float kUntextured = -1.5f;  // correlations below mean that the window has no texture
-constexpr double kLeastTexturedFraction = 0.1;
+constexpr double kMinTexturedFraction = 0.1;
 
 }  // namespace
 
@@ -20,7 +20,7 @@ double median_correlation(const Field& correlation) {
   std::copy_if(correlation.begin(), correlation.end(), std::back_inserter(textured),
                [](float c) { return c > kUntextured; });
   if (textured.empty() ||
-      static_cast<double>(textured.size()) < kLeastTexturedFraction * static_cast<double>(correlation.size()))
+      static_cast<double>(textured.size()) < kMinTexturedFraction * static_cast<double>(correlation.size()))
     throw TrackingError(TrackingError::Reason::kNoSignal,
                         "pre, post: " + std::to_string(textured.size()) + " of " +
                             std::to_string(correlation.size()) +

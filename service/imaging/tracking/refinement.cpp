@@ -14,9 +14,9 @@ namespace {
 constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTORS of refinement.cl
 constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
 constexpr int kBiasRadius = 1;            // BIAS_RADIUS of refinement.cl
-constexpr int kMostFootprint = 6;         // nodes to each side over which information is averaged
-constexpr int kMostNoiseLines = 10;       // that the autocorrelations are taken from
-constexpr double kLeastStrain = 1e-4;     // strain below which the prior does not narrow any more
+constexpr int kMaxFootprint = 6;         // nodes to each side over which information is averaged
+constexpr int kMaxNoiseLines = 10;       // that the autocorrelations are taken from
+constexpr double kMinStrain = 1e-4;     // strain below which the prior does not narrow any more
 
 // Nodes to each side that share a bias, of a smoothing length in node steps. A bias rises and falls over
 // about two smoothing lengths to each side, edge_bias() averages one node and a half of them, and no bias is
@@ -73,7 +73,7 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
       pcg_(queue, 2 * static_cast<std::size_t>(grid.nodes()), 1,
            {.relative_error = 0,
             .relative_residual = options.relative_residual,
-            .max_iterations = options.most_iterations,
+            .max_iterations = options.max_iterations,
             .look_every = 4}),
       stencil_(
           std::make_shared<Array<float>>(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes())))),
@@ -96,7 +96,7 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
 }
 
 Autocorrelations Refinement::measure(const ImagePair& images, bool robust, Array<float>& correlation) {
-  const int step = std::max(1, images.lines / kMostNoiseLines), lines = (images.lines - 1) / step + 1;
+  const int step = std::max(1, images.lines / kMaxNoiseLines), lines = (images.lines - 1) / step + 1;
   const std::size_t each = 2 * kLags, items = static_cast<std::size_t>(lines) * kLaterals;
   if (products_.size() != items * each) products_ = queue_.array<float>(items * each);
   kernels_->autocorrelation({{static_cast<std::size_t>(lines), kLaterals, 1}, {1, 1, 1}}, images.mean,
@@ -157,7 +157,7 @@ void Refinement::weigh(const Array<float>& field) {
   const std::vector<float> slopes = queue_.read(gradient_);
   std::vector<float> strain;
   for (std::size_t n = 3; n < slopes.size(); n += 4) strain.push_back(std::abs(slopes[n]));
-  const double typical = std::max(kLeastStrain, median(strain) * sample_pitch_m_ / dy_m_);
+  const double typical = std::max(kMinStrain, median(strain) * sample_pitch_m_ / dy_m_);
   const double change_m = options_.strain_change * typical * options_.change_length_m;
   const double pitch[] = {line_pitch_m_, sample_pitch_m_};
   const double longest[] = {options_.longest_lateral_m, options_.longest_axial_m};
@@ -198,7 +198,7 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const Array<float>
     noise->response[c] = NoiseResponse(smoother, median_information_[c], grid_.line_step, grid_.sample_step);
     for (const double step_m : {dx_m_, dy_m_}) {
       footprint.push_back(
-          std::min(kMostFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / step_m))));
+          std::min(kMaxFootprint, 1 + static_cast<int>(std::lround(smoothing_m_[c] / step_m))));
       place.push_back(place_radius(smoothing_m_[c] / step_m));
     }
   }

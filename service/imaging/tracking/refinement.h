@@ -32,7 +32,7 @@ struct RegularisationOptions {
   double strain_change = 0.1, change_length_m = 1e-3;
   double shortest_m = 0.25e-3, longest_axial_m = 1.0e-3, longest_lateral_m = 1.5e-3;
   double relative_residual = 3e-2;    // of the linear solve of the last step; others have kRough times that
-  std::size_t most_iterations = 200;  // of it; 15 to 30 are usual
+  std::size_t max_iterations = 200;  // of it; 15 to 30 are usual
 };
 
 struct ImagePair {

@@ -18,7 +18,7 @@ struct SampleGrid {
 };
 static_assert(sizeof(SampleGrid) == 6 * sizeof(int));
 
-inline constexpr int kLeastStep = 8;  // samples between nodes, which warp needs
+inline constexpr int kMinStep = 8;  // samples between nodes, which warp needs
 // A length in steps of a grid, and half of a window's: at least one.
 int whole_steps(double length_m, double step_m);
 int half_width(double window_m, double step_m);

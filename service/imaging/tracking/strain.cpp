@@ -21,8 +21,8 @@ StrainEstimator::StrainEstimator(Queue queue, StrainOptions options)
   if (!(o.kernel_axial_m > 0 && o.kernel_axial_m <= 0.05 && o.kernel_lateral_m > 0 &&
         o.kernel_lateral_m <= 0.05))
     throw std::invalid_argument("kernel_axial_m, kernel_lateral_m: must be above 0 and at most 0.05 m");
-  if (!(o.least_fraction > 0 && o.least_fraction <= 1))
-    throw std::invalid_argument("least_fraction: must be above 0 and at most 1");
+  if (!(o.min_fraction > 0 && o.min_fraction <= 1))
+    throw std::invalid_argument("min_fraction: must be above 0 and at most 1");
   if (!(o.residual_limit_m > 0)) throw std::invalid_argument("residual_limit_m: must be above 0 m");
 }
 
@@ -33,7 +33,7 @@ StrainEstimate StrainEstimator::estimate(const DisplacementEstimate& displacemen
             half_rows = half_width(options_.kernel_axial_m, grid.dy_m);
   kernel_({{grid.size(), 1, 1}, {kGroup, 1, 1}}, displacement.field_m, displacement.trusted, out.tensor,
           out.trusted, static_cast<int>(grid.nx), static_cast<int>(grid.ny), static_cast<float>(grid.dx_m),
-          static_cast<float>(grid.dy_m), half_columns, half_rows, static_cast<float>(options_.least_fraction),
+          static_cast<float>(grid.dy_m), half_columns, half_rows, static_cast<float>(options_.min_fraction),
           static_cast<float>(options_.residual_limit_m));
   propagate(displacement, grid, half_columns, half_rows, out);
   return out;

@@ -85,7 +85,7 @@ void spoil(v1::Acquisition& a, Random& random) {
     case 1:
       return a.set_line_count(random.one_of(std::array{0U, 7U, 2049U, 0xffffffffU}));
     case 2:
-      a.set_sample_count(16384);  // beyond most_frame_bytes
+      a.set_sample_count(16384);  // beyond max_frame_bytes
       return a.set_line_count(2048);
     case 3:
       return a.set_dtype(static_cast<v1::DataType>(random.below(9)));

@@ -33,7 +33,7 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::size_t kMostMessageBytes = 2 << 20;  // the service's
+constexpr std::size_t kMaxMessageBytes = 2 << 20;  // the service's
 
 double odd_number(Random& random) {
   return random.one_of(std::array{kNan, kInfinity, -kInfinity, -1.0, 0.0, 1e-300, 1e300});
@@ -289,7 +289,7 @@ Script broken(const Script& valid, Method method, Random& random) {
   if (!sends_one(method) && !valid.messages.empty() && random.chance(0.5))
     script.messages.push_back(valid.messages.front());  // it becomes broken later
   if (random.chance(0.02))
-    script.messages.push_back(constant(std::string(kMostMessageBytes + 1, '\0')));
+    script.messages.push_back(constant(std::string(kMaxMessageBytes + 1, '\0')));
   else if (random.chance(0.8))
     script.messages.push_back(constant(std::string("\xff\xff\xff")));
   return script;

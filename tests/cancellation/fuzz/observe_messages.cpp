@@ -18,7 +18,7 @@ v1::ObserveOpen observe_open(const std::string& scene, Random& random) {
   for (const char* map : {"youngs_modulus", "youngs_modulus_log_std", "valid", "b_mode"})
     if (random.chance(0.5)) open.add_maps(map);
   if (random.chance(0.3)) open.set_session_id("session-" + std::to_string(random.below(4)));
-  if (random.chance(0.3)) open.set_most_rate_hz(random.within(1, 60));
+  if (random.chance(0.3)) open.set_max_rate_hz(random.within(1, 60));
   return open;
 }
 
@@ -31,7 +31,7 @@ void spoil(v1::ObserveOpen& open, Random& random) {
     case 2:
       return open.set_session_id(std::string(100'000, '\n'));
     default:
-      return open.set_most_rate_hz(random.one_of(std::array{std::nan(""), HUGE_VAL, -1.0, 1e300}));
+      return open.set_max_rate_hz(random.one_of(std::array{std::nan(""), HUGE_VAL, -1.0, 1e300}));
   }
 }
 

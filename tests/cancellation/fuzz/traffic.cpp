@@ -33,7 +33,7 @@ const std::shared_ptr<grpc::Channel>& Traffic::channel_to_be_reset() {
 }
 
 void Traffic::start(const Case& tried, const Targets& targets) {
-  wait_until_at_most(kMostAtOnce - 1);
+  wait_until_at_most(kMaxAtOnce - 1);
   const auto call = std::make_shared<Call>(plan_for(tried, targets, random_),
                                            [this](const Call& ended, const grpc::Status& status) {
                                              tally_.add(ended.tried(), status);

@@ -15,7 +15,7 @@ namespace teletact::test {
 
 class Traffic {
  public:
-  static constexpr std::size_t kMostAtOnce = 96;
+  static constexpr std::size_t kMaxAtOnce = 96;
   // From the end that its client made of a call to its status. The contract's own longest is WatchFinger's
   // 10 s without an acknowledgement.
   static constexpr std::chrono::seconds kLongestCall{40};
@@ -24,7 +24,7 @@ class Traffic {
   Traffic(std::string address, std::uint64_t seed, Tally& tally);
   ~Traffic();  // ends what still goes on
 
-  // Starts the call once fewer than kMostAtOnce are going on. Throws CallHangs.
+  // Starts the call once fewer than kMaxAtOnce are going on. Throws CallHangs.
   void start(const Case& tried, const Targets& targets);
   // Returns once all have ended. Throws CallHangs.
   void wait();

@@ -32,7 +32,7 @@ void check(const LawValue& value) {
 }
 
 void check(const NearLaw& law, const Asked& asked) {
-  require(law.count <= NearLaw::kMost, "more columns than the servo takes");
+  require(law.count <= NearLaw::kMax, "more columns than the servo takes");
   const auto columns = law.used();
   std::set<double> lanes;
   for (std::size_t n = 0; n < columns.size(); ++n) {
@@ -44,7 +44,7 @@ void check(const NearLaw& law, const Asked& asked) {
       require(std::pair(columns[n - 1].z_m, columns[n - 1].x_m) < std::pair(column.z_m, column.x_m),
               "columns out of order");
   }
-  require(lanes.size() <= NearLaw::kMostLanes, "more lanes than the servo takes");
+  require(lanes.size() <= NearLaw::kMaxLanes, "more lanes than the servo takes");
   for (std::size_t n = 0; n < std::min<std::size_t>(columns.size(), 8); ++n) {
     const LawColumn& column = columns[n];
     const LawColumn& next = columns[std::min(n + 1, columns.size() - 1)];

@@ -27,8 +27,8 @@ struct Known {
 };
 
 void check(const EstimateRequest& r, const Limits& limits) {
-  require(r.sample_count >= limits.least_samples && r.sample_count <= limits.most_samples &&
-              r.line_count >= limits.least_lines && r.line_count <= limits.most_lines,
+  require(r.sample_count >= limits.min_samples && r.sample_count <= limits.max_samples &&
+              r.line_count >= limits.min_lines && r.line_count <= limits.max_lines,
           "samples beyond the limits");
   require(!r.maps.empty(), "no map is wanted");
   const AcquisitionGeometry& g = r.geometry;
@@ -62,8 +62,8 @@ bool acquisition(Bytes bytes) {
           [&] { request = request_from(first->acquisition(), known.scenes, limits); }))
     return false;
   check(request, limits);
-  FrameUpload upload(request, first->acquisition().dtype(), limits.most_chunk_bytes);
-  require(upload.frame_bytes() > 0 && upload.frame_bytes() <= limits.most_frame_bytes,
+  FrameUpload upload(request, first->acquisition().dtype(), limits.max_chunk_bytes);
+  require(upload.frame_bytes() > 0 && upload.frame_bytes() <= limits.max_frame_bytes,
           "a frame beyond the limits");
   std::pair<RfFrame, RfFrame> frames;
   if (!accepted<std::invalid_argument>([&] {

@@ -15,7 +15,7 @@ bool configuration(Bytes bytes) {
   require(options.server.state_directory.empty(), "the file wins over the command line");
   for (const service::LimitRow& row : service::limit_rows()) {
     const double value = row.value(options.server.limits);
-    require(value == row.value({}) || (row.meaning && value >= row.least && value <= row.most),
+    require(value == row.value({}) || (row.meaning && value >= row.min && value <= row.max),
             "a limit beyond its range");
   }
   return true;

@@ -16,22 +16,22 @@ using namespace service;
 // So small that a scene is made in milliseconds.
 Limits small() {
   Limits limits;
-  limits.most_scene_columns = 17;
-  limits.most_scene_elements = limits.most_solid_elements = 256;
-  limits.most_scene_width_m = limits.most_scene_depth_m = 0.1;
+  limits.max_scene_columns = 17;
+  limits.max_scene_elements = limits.max_solid_elements = 256;
+  limits.max_scene_width_m = limits.max_scene_depth_m = 0.1;
   return limits;
 }
 
 void check(const SceneGeometry& geometry, const Limits& limits) {
-  require(geometry.width_m >= limits.least_scene_m && geometry.width_m <= limits.most_scene_width_m &&
-              geometry.depth_m >= limits.least_scene_m && geometry.depth_m <= limits.most_scene_depth_m,
+  require(geometry.width_m >= limits.min_scene_m && geometry.width_m <= limits.max_scene_width_m &&
+              geometry.depth_m >= limits.min_scene_m && geometry.depth_m <= limits.max_scene_depth_m,
           "a scene beyond the limits");
   require(geometry.poisson_ratio >= 0 && geometry.poisson_ratio < 0.5, "a Poisson ratio that cannot be");
 }
 
 void check(const ExplicitModulus& e, const Limits& limits) {
   const std::size_t elements = (e.x_m.size() - 1) * (e.y_m.size() - 1) * e.slices();
-  require(elements > 0 && elements <= limits.most_solid_elements, "more elements than the limits");
+  require(elements > 0 && elements <= limits.max_solid_elements, "more elements than the limits");
   require(e.youngs_modulus_pa.size() == elements, "a modulus that does not fill its grid");
   require(e.log_deviation.empty() || e.log_deviation.size() == elements,
           "deviations that do not fill the grid");

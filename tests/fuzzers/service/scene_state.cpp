@@ -18,9 +18,9 @@ using namespace service;
 // So small that what is kept is restored in milliseconds.
 Limits small_limits() {
   Limits limits;
-  limits.most_scene_columns = 17;
-  limits.most_scene_elements = limits.most_solid_elements = 256;
-  limits.most_scene_width_m = limits.most_scene_depth_m = 0.02;
+  limits.max_scene_columns = 17;
+  limits.max_scene_elements = limits.max_solid_elements = 256;
+  limits.max_scene_width_m = limits.max_scene_depth_m = 0.02;
   return limits;
 }
 

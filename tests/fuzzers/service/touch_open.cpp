@@ -27,7 +27,7 @@ std::shared_ptr<Scene> scene(bool solid) {
 }
 
 void check(const TouchStream& stream, const Limits& limits) {
-  require(stream.credit() >= 1 && stream.credit() <= limits.most_credit, "a credit beyond the limits");
+  require(stream.credit() >= 1 && stream.credit() <= limits.max_credit, "a credit beyond the limits");
   require(stream.period() > TouchStream::Clock::duration::zero(), "a period of nothing");
   const Layer& layer = stream.layer();
   require(std::isfinite(layer.depth_m) && layer.depth_m >= 0, "a layer that is nowhere");

@@ -30,10 +30,10 @@ class PlainLines : public spdlog::sinks::base_sink<std::mutex> {
 }  // namespace
 
 void require_one_line(std::string_view message) {
-  constexpr std::size_t kMostBytes = 2000;
+  constexpr std::size_t kMaxBytes = 2000;
   constexpr unsigned char kDelete = 0x7f;
   require(!message.empty(), "it says nothing");
-  require(message.size() <= kMostBytes, "it is longer than anybody reads");
+  require(message.size() <= kMaxBytes, "it is longer than anybody reads");
   for (const char c : message)
     if (static_cast<unsigned char>(c) < ' ' || static_cast<unsigned char>(c) == kDelete)
       throw Broken("it is not one printable line: " + std::string(message));

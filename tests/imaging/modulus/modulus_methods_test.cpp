@@ -113,7 +113,7 @@ TEST(Direct, CorrectsItsBorderUntilThatHasSettled) {
   const auto contrast = [](const PhantomOptions& of, int corrections, double settled) {
     Phantom phantom(of);
     DirectOptions options;
-    options.most_corrections = corrections, options.settled = settled;
+    options.max_corrections = corrections, options.settled = settled;
     const ModulusEstimate e = make_direct(imaging_device()->queue(), options)->estimate(phantom.input());
     std::vector<double> inside, outside;
     for (std::size_t n = 0; n < phantom.grid.size(); ++n)
@@ -140,7 +140,7 @@ TEST(Direct, StopsWhereCorrectionsLeadNowhere) {
     phantom.axial[n] = -0.01 * phantom.y(n), phantom.lateral[n] = 0;
   const auto map = [&](int corrections) {
     DirectOptions options;
-    options.most_corrections = corrections;
+    options.max_corrections = corrections;
     return make_direct(imaging_device()->queue(), options)->estimate(phantom.input()).youngs_modulus;
   };
   const Field once = map(1), often = map(10);
@@ -211,7 +211,7 @@ TEST(Iterative, ReturnsItsBestByTheDeadlineAndSaysSo) {
     if (limit_s == 0) {
       EXPECT_EQ(e.iterations, 0);  // then it is the direct one that it starts from
       DirectOptions start;
-      start.most_corrections = 1;
+      start.max_corrections = 1;
       const Field direct = make_direct(imaging_device()->queue(), start)->estimate(in).youngs_modulus;
       for (std::size_t n = 0; n < direct.size(); ++n)
         EXPECT_TRUE(direct[n] == e.youngs_modulus[n] ||

@@ -50,7 +50,7 @@ TEST(ReferenceStress, HomogeneousTissueGetsItsModulusFromTheForce) {
   const Queue queue = imaging_device()->queue();
   Homogeneous h;
   ReferenceStressOptions everywhere;
-  everywhere.least_reference = 0;
+  everywhere.min_reference = 0;
   const auto method = make_reference_stress(queue, everywhere);
   const ModulusEstimate e = method->estimate(h.input(h.force(12.5e3)));
   EXPECT_TRUE(e.absolute);

@@ -72,7 +72,7 @@ TEST(BMode, MatchesReference) {
       ASSERT_LE(std::abs(int(got.grey[n]) - int(want[n])), want[n] > 60 ? 1 : 6)
           << n;  // near -60 dB rounding shows
     EXPECT_EQ(*std::max_element(got.grey.begin(), got.grey.end()), 255);
-    EXPECT_LE(got.grid.ny, BMode::kMostRows);
+    EXPECT_LE(got.grid.ny, BMode::kMaxRows);
     EXPECT_DOUBLE_EQ(got.grid.origin_x_m, g.line_pitch_m / 2);
     EXPECT_DOUBLE_EQ(got.grid.origin_y_m, g.first_sample_depth_m + (step - 1) * g.sample_pitch_m() / 2);
     EXPECT_DOUBLE_EQ(got.grid.dy_m, step * g.sample_pitch_m());

@@ -151,7 +151,7 @@ TEST_P(FilterKernels, PeakIsTheVertexOfTheParabolasAroundTheLargestValue) {
 
 // Strain, stress and trust with all that may be said and all that may not.
 TEST_P(FilterKernels, ReferenceStressAndItsMedianMatchReference) {
-  const float amplitude = -0.7e-6f, scale = 1.3e4f, least_strain = 2e-4f, range = 20;
+  const float amplitude = -0.7e-6f, scale = 1.3e4f, min_strain = 2e-4f, range = 20;
   std::uniform_real_distribution<float> uniform(0, 1);
   std::vector<float> strains, stress;
   std::vector<double> axial, stress_double;
@@ -168,9 +168,9 @@ TEST_P(FilterKernels, ReferenceStressAndItsMedianMatchReference) {
   const Array<float> raw = queue.array<float>(nodes()), out = queue.array<float>(nodes());
   const auto modulus = [&](const char* name) { return queue.kernel("modulus", name, Precision::kFloat); };
   modulus("reference_stress")(over(nodes()), queue.array(strains), queue.array(trusted), queue.array(stress),
-                              raw, f.nx, f.ny, amplitude, scale, least_strain, range, 1);
+                              raw, f.nx, f.ny, amplitude, scale, min_strain, range, 1);
   const auto want = reference::reference_stress(f.nx, axial, trusted, stress_double, amplitude, scale,
-                                                {least_strain, range, 1});
+                                                {min_strain, range, 1});
   const auto same = [](const std::vector<float>& got, const std::vector<double>& expected) {
     for (std::size_t n = 0; n < got.size(); ++n) {
       ASSERT_EQ(std::isnan(got[n]), std::isnan(expected[n])) << n;

@@ -76,11 +76,11 @@ void Recording::append(const std::string& name, std::size_t components, std::spa
   at->rows = at->values.size() / components;
 }
 
-void Recording::write(const std::filesystem::path& path, std::size_t most_rows) const {
+void Recording::write(const std::filesystem::path& path, std::size_t max_rows) const {
   std::ofstream file(path, std::ios::binary);
   file << kFirstLine << '\n';
   for (const Vector& v : vectors_) {
-    const std::size_t step = std::max<std::size_t>(1, (v.rows + most_rows - 1) / most_rows);
+    const std::size_t step = std::max<std::size_t>(1, (v.rows + max_rows - 1) / max_rows);
     file << v.name << ' ' << v.components << ' ' << v.rows << ' ' << step << ' ' << hash_of(v.values) << '\n';
     for (std::size_t row = 0; row < v.rows; row += step)
       file.write(reinterpret_cast<const char*>(&v.values[row * v.components]),

@@ -34,8 +34,8 @@ class Recording {
               const Tolerance&);
   const std::vector<Vector>& vectors() const { return vectors_; }
 
-  // At most `most_rows` rows of each vector, and the hash of all of them. Throws std::runtime_error.
-  void write(const std::filesystem::path&, std::size_t most_rows) const;
+  // At most `max_rows` rows of each vector, and the hash of all of them. Throws std::runtime_error.
+  void write(const std::filesystem::path&, std::size_t max_rows) const;
   static Recording read(const std::filesystem::path&);
 
  private:

@@ -52,8 +52,8 @@ void box_force(double force_n[3]) {
     squared += force_n[axis] * force_n[axis];
   }
   /* Whatever came, the device is asked for numbers, and for no more than it gives. */
-  const double most_n = largest_force_n, size_n = sqrt(squared);
-  const double share = !isfinite(size_n) ? 0 : size_n > most_n ? most_n / size_n : 1;
+  const double max_n = largest_force_n, size_n = sqrt(squared);
+  const double share = !isfinite(size_n) ? 0 : size_n > max_n ? max_n / size_n : 1;
   for (int axis = 0; axis < 3; ++axis) force_n[axis] = share == 0 ? 0 : share * force_n[axis];
 }
 

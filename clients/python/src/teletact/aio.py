@@ -276,14 +276,14 @@ class Service:
     # --- looking on -------------------------------------------------------------------------------------------
 
     def observe(self, scene_id: str, *, windows: bool = False, maps: Collection[str] = (), answers: bool = False,
-                surface: bool = False, session_id: str = "", most_rate_hz: float = 0.0,
+                surface: bool = False, session_id: str = "", max_rate_hz: float = 0.0,
                 resume_s: float = 30.0) -> Observing:
         """Looks on at a scene: ``async with service.observe("liver", maps=["youngs_modulus"]) as seen`` and then
         ``async for state in seen``. Nobody's touch is slowed by it.
 
         ``windows``: the scene whenever it changed. ``maps``: of youngs_modulus, youngs_modulus_log_std, valid and
         b_mode. ``answers``: of the touch that steers, or of ``session_id``. ``surface``: how the layer gives way.
-        ``most_rate_hz``: of states; 0: as many as the service gives. ``resume_s``: how long an interruption is waited
+        ``max_rate_hz``: of states; 0: as many as the service gives. ``resume_s``: how long an interruption is waited
         out.
         """
         for name in maps:
@@ -291,4 +291,4 @@ class Service:
                 raise InvalidArgument(f"{name!r}", field="maps", remedy=f"give some of {', '.join(MAPS)}")
         return Observing(self._peer, palpation.ObserveOpen(
             scene_id=scene_id, windows=windows, maps=maps, answers=answers, surface=surface, session_id=session_id,
-            most_rate_hz=most_rate_hz), resume_s)
+            max_rate_hz=max_rate_hz), resume_s)

@@ -43,10 +43,10 @@ NO_FORCE = "none: "
 class Server:
     """Serves until it is closed. Every method may be called from any thread, and waits for no peer."""
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 18944, *, most_peers: int = 8,
+    def __init__(self, host: str = "127.0.0.1", port: int = 18944, *, max_peers: int = 8,
                  send_timeout_s: float = 2.0) -> None:
         """``port``: 0 takes a free one. Raises OSError where it cannot listen."""
-        self._most_peers, self._send_timeout_s = most_peers, send_timeout_s
+        self._max_peers, self._send_timeout_s = max_peers, send_timeout_s
         self._listening = socket.create_server((host, port))
         self.port: int = self._listening.getsockname()[1]
         self._lock = threading.Lock()
@@ -106,14 +106,14 @@ class Server:
             except OSError:
                 return
             with self._lock:
-                full = self._closed or len(self._peers) >= self._most_peers
+                full = self._closed or len(self._peers) >= self._max_peers
                 if not full:
                     peer = _Peer(connection, f"{address[0]}:{address[1]}", self._send_timeout_s, self._gone)
                     self._peers.add(peer)
                     for image in self._images.values():
                         peer.put(image)
             if full:
-                _LOG.warning("%s:%d refused: %d peers are connected, as many as may be", *address[:2], self._most_peers)
+                _LOG.warning("%s:%d refused: %d peers are connected, as many as may be", *address[:2], self._max_peers)
                 connection.close()
             else:
                 _LOG.info("%s connected", peer.name)
@@ -211,7 +211,7 @@ class _Peer(threading.Thread):
 def follow_scene(server: Server, service: teletact.Service, scene_id: str, over: threading.Event) -> None:
     """Sends the scene's modulus (Pa) whenever there is another, and each window's B-mode, until ``over`` is set."""
     version, said, streams = None, "", 0
-    with service.observe(scene_id, maps=["b_mode"], most_rate_hz=1 / _FOLLOW_S, resume_s=0) as seen:
+    with service.observe(scene_id, maps=["b_mode"], max_rate_hz=1 / _FOLLOW_S, resume_s=0) as seen:
         while not over.is_set():
             try:
                 newest = seen.next()

@@ -166,10 +166,10 @@ class Received:
 
 
 class Reader:
-    """Bytes in, messages out. ``most_bytes``: the largest body that is taken."""
+    """Bytes in, messages out. ``max_bytes``: the largest body that is taken."""
 
-    def __init__(self, most_bytes: int) -> None:
-        self._most_bytes = most_bytes
+    def __init__(self, max_bytes: int) -> None:
+        self._max_bytes = max_bytes
         self._bytes = bytearray()
 
     def feed(self, data: bytes) -> None:
@@ -182,8 +182,8 @@ class Reader:
         version, type_, name, _, _, size, crc = HEADER.unpack_from(self._bytes)
         if version not in (1, 2):
             raise BadMessage(f"a header of version {version}; 1 and 2 are read", fatal=True)
-        if size > self._most_bytes:
-            raise BadMessage(f"a body of {size} bytes; at most {self._most_bytes} are read", fatal=True)
+        if size > self._max_bytes:
+            raise BadMessage(f"a body of {size} bytes; at most {self._max_bytes} are read", fatal=True)
         if len(self._bytes) < HEADER.size + size:
             return None
         body = bytes(self._bytes[HEADER.size:HEADER.size + size])

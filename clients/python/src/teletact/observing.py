@@ -142,7 +142,7 @@ class Observing:
 
     async def _read(self) -> palpation.Observation:
         opens = self._stream is None
-        silence_s = _OPEN_WAIT_S if opens else _SILENCE_S + 3 / (self._open.most_rate_hz or 60)
+        silence_s = _OPEN_WAIT_S if opens else _SILENCE_S + 3 / (self._open.max_rate_hz or 60)
         try:
             async with asyncio.timeout(silence_s):
                 if opens:

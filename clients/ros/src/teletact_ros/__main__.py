@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
         parser.error(f"--rate-hz: {given.rate_hz}; give 10 to 1000")
     try:
         axes = Axes(given.axes, given.origin_m)
-        limits = Limits(force_n=given.most_force_n, stiffness_n_m=given.most_stiffness_n_m)
+        limits = Limits(force_n=given.max_force_n, stiffness_n_m=given.max_stiffness_n_m)
     except ValueError as error:
         parser.error(str(error))
     # Signals are ours: rclpy's handler would end the context before the last zero force is out.

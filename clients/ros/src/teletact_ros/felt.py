@@ -145,9 +145,9 @@ class Felt:
             return np.zeros(3)
         moved = self._position - self._answer.position_m
         force = self._answer.force_n + self._answer.tangent_n_m @ moved
-        most_n = min(self._limits.force_n, self._limits.stiffness_n_m * indentation_m,
+        max_n = min(self._limits.force_n, self._limits.stiffness_n_m * indentation_m,
                      float(np.linalg.norm(self._force)) + self._limits.slew_n_s * min(now - self._force_s, _LATE_S))
         size_n = float(np.linalg.norm(force))
         if force @ self._normal > 0:  # it would draw the finger in
             return np.zeros(3)
-        return np.asarray(force * min(1.0, most_n / size_n)) if size_n > 0 else np.zeros(3)
+        return np.asarray(force * min(1.0, max_n / size_n)) if size_n > 0 else np.zeros(3)

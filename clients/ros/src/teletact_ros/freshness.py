@@ -89,7 +89,7 @@ class Stamps:
     def __init__(self, late_s: float) -> None:
         self._late_s = late_s
         self._newest_s = self._fresh_s = self._seen_s = -math.inf
-        self._least_s = math.inf
+        self._min_s = math.inf
 
     def stale(self, now: float, stamp_s: float) -> str:
         """Why a message of that stamp is not of now; "" where it is."""
@@ -100,12 +100,12 @@ class Stamps:
         if stamp_s < self._newest_s:
             if now - self._fresh_s < self._ANEW_S:
                 return "its stamp is older than the one before"
-            self._least_s = math.inf
+            self._min_s = math.inf
         delay_s = now - stamp_s
-        drifted_s = self._FORGET_S_S * (now - self._seen_s) if self._least_s < math.inf else 0.0
-        self._least_s = min(self._least_s + drifted_s, delay_s)
+        drifted_s = self._FORGET_S_S * (now - self._seen_s) if self._min_s < math.inf else 0.0
+        self._min_s = min(self._min_s + drifted_s, delay_s)
         self._newest_s, self._seen_s = stamp_s, now
-        if delay_s - self._least_s > self._late_s:
-            return f"its stamp is {1e3 * (delay_s - self._least_s):.0f} ms old"
+        if delay_s - self._min_s > self._late_s:
+            return f"its stamp is {1e3 * (delay_s - self._min_s):.0f} ms old"
         self._fresh_s = now
         return ""
