@@ -51,15 +51,15 @@ Corrector::~Corrector() {
 void Corrector::ask(const Fingertip& tip, const TouchPose& pose) {
   {
     const std::lock_guard lock(mutex_);
-    const auto own = std::find_if(wishes_.begin(), wishes_.end(), [&](const Wish& wish) {
-      return wish.tip == tip && distance_m(wish.pose.position_m, pose.position_m) < kSameFingerM;
+    const auto own = std::find_if(hints_.begin(), hints_.end(), [&](const Hint& hint) {
+      return hint.tip == tip && distance_m(hint.pose.position_m, pose.position_m) < kSameFingerM;
     });
-    if (own != wishes_.end()) {
+    if (own != hints_.end()) {
       own->pose = pose;
       return;
     }
-    wishes_.push_back({tip, pose});
-    if (wishes_.size() > kMaxFingers) wishes_.pop_front();
+    hints_.push_back({tip, pose});
+    if (hints_.size() > kMaxFingers) hints_.pop_front();
     if (!thread_.joinable()) thread_ = std::thread([this] { run(); });
   }
   changed_.notify_all();
@@ -87,26 +87,26 @@ void Corrector::forget_failure() {
 
 void Corrector::run() {
   while (true) {
-    Wish wish;
+    Hint hint;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return ends_ || !wishes_.empty(); });
+      changed_.wait(lock, [&] { return ends_ || !hints_.empty(); });
       if (ends_) return;
-      wish = wishes_.front();
-      wishes_.pop_front();
-      wish.pose = moved_on(wish.pose, kAimed * lasts_s_);
+      hint = hints_.front();
+      hints_.pop_front();
+      hint.pose = moved_on(hint.pose, kAimed * lasts_s_);
     }
-    meet(wish);
+    meet(hint);
     changed_.notify_all();
   }
 }
 
-void Corrector::meet(const Wish& wish) {
+void Corrector::meet(const Hint& hint) {
   const auto begun = Clock::now();
   std::exception_ptr failure;
   std::string why;
   try {
-    correct_(wish.tip, wish.pose);
+    correct_(hint.tip, hint.pose);
   } catch (const std::exception& error) {
     failure = std::current_exception(), why = error.what();
   }

@@ -1,5 +1,5 @@
 // Has contacts corrected by a thread of its own, beside those who answer (T8.4): of each finger the newest
-// wish, one after the other, there where it will be.
+// hint, one after the other, there where it will be.
 #pragma once
 
 #include <chrono>
@@ -30,7 +30,7 @@ class Corrector {
   Corrector(const Corrector&) = delete;
   Corrector& operator=(const Corrector&) = delete;
 
-  // A finger is here. Replaces its last wish unless that is being met; the oldest goes where too many wait.
+  // A finger is here. Replaces its last hint unless that is being met; the oldest goes where too many wait.
   void ask(const Fingertip&, const TouchPose&);
   // Corrections that were made, or failed, so far.
   std::uint64_t done() const;
@@ -41,16 +41,16 @@ class Corrector {
   void forget_failure();
 
  private:
-  struct Wish {
+  struct Hint {
     Fingertip tip;
     TouchPose pose;
   };
   void run();
-  void meet(const Wish&);
+  void meet(const Hint&);
   const Correct correct_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<Wish> wishes_;  // the oldest first
+  std::deque<Hint> hints_;  // the oldest first
   std::exception_ptr failure_;
   std::string said_;
   std::uint64_t done_ = 0;

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "service/device/fault.h"
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -77,7 +77,7 @@ void Kernel::launch(const Range& range) {
     local[d] = std::max<std::size_t>(1, range.local[d]);
     global[d] = (std::max<std::size_t>(1, range.global[d]) + local[d] - 1) / local[d] * local[d];
   }
-  if (looked_after())
+  if (is_cancellable())
     raw_->launch_at_pace(global, local);
   else
     raw_->enqueue({}, global, local);
@@ -102,7 +102,7 @@ void RawKernel::enqueue(const Sizes& from, const Sizes& global, const Sizes& loc
 void RawKernel::catch_up() {
   guarded("waiting for the device", [&] { queue.finish(); });
   pace->ahead_s = 0;
-  look();
+  check_cancelled();
 }
 
 RawKernel::Cut RawKernel::cut(const Sizes& global, const Sizes& local) {
@@ -153,7 +153,7 @@ void RawKernel::launch_at_pace(const Sizes& global, const Sizes& local) {
     took_s += slice.count();
     done += count;
     step = std::min(kAheadS / std::max(slice.count(), 1e-6), kMaxGrowth) * double(count);
-    look();
+    check_cancelled();
   }
   // The longest, since arguments of one size may ask for more work than others; but not the first.
   if (++launch.launches > 1) launch.s = known ? took_s : std::max(launch.s, took_s);
@@ -179,12 +179,12 @@ void Queue::State::arrived() {
   sent.clear();
   sent_bytes = 0;
   pace->ahead_s = 0;
-  look();
+  check_cancelled();
 }
 
 void Queue::State::in_pieces(std::size_t bytes,
                              const std::function<void(std::size_t first, std::size_t count)>& move) {
-  const std::size_t most = looked_after() ? kBytesAtOnce : bytes;
+  const std::size_t most = is_cancellable() ? kBytesAtOnce : bytes;
   for (std::size_t first = 0; first < bytes; first += most) move(first, std::min(most, bytes - first));
 }
 

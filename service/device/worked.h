@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 

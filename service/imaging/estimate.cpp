@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/device/worked.h"
 #include "service/imaging/tracking/input_checks.h"
 
@@ -211,9 +211,9 @@ void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice,
 
 Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const EstimateInput& in,
                                 const EstimateObserver& observer) {
-  std::optional<Looking> looking;
+  std::optional<CancellationCheck> check;
   if (observer.cancelled)
-    looking.emplace([&observer] {
+    check.emplace([&observer] {
       if (observer.cancelled()) throw EstimateCancelled();
     });
   validate(pre, post, in.geometry);
@@ -226,7 +226,7 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
   const auto ended = [&](Stage stage, double& seconds) {
     seconds = clock.lap();
     if (observer.progress) observer.progress(stage);
-    look();
+    check_cancelled();
   };
   const DisplacementEstimate displacement = track(pre, post, in.geometry, e);
   if (in.b_mode) e.b_mode = b_mode_.image(pre, in.geometry);

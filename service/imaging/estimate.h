@@ -67,7 +67,7 @@ struct EstimateInput {
 // Who follows an estimate.
 struct EstimateObserver {
   std::function<void(Stage)> progress = {};  // called when a stage has ended
-  std::function<bool()> cancelled = {};      // asked at every look (service/device/look.h)
+  std::function<bool()> cancelled = {};      // asked at every look (service/device/cancellation.h)
 };
 
 // What was measured of the pair, and its modulus: filled stage by stage. A number of a node with valid = 0 is

@@ -6,7 +6,7 @@
 #include <system_error>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "service/scene/niced_worker.h"
 #include "service/trace/current_trace.h"
@@ -140,8 +140,8 @@ void FairWorkers::work_on(Id id, Job& job, Lock& lock) {
   lock.unlock();
   works_for = this, works_on = id;
   try {
-    const Looking looking([this, id, &job] { look_up(id, job); });
-    look();
+    const CancellationCheck check([this, id, &job] { look_up(id, job); });
+    check_cancelled();
     job.work();
   } catch (...) {
     error = std::current_exception();

@@ -1,5 +1,5 @@
 // The threads on which the imaging plane works with one device: estimates, model builds, what is owed. One
-// works at a time, and gives way at a look() (service/device/look.h) when FairQueue says so; a job that gave
+// works at a time, and gives way at a check_cancelled() (service/device/cancellation.h) when FairQueue says so; a job that gave
 // way keeps its thread and goes on later. They run at a raised nice value, so that touch, at normal priority,
 // never waits for them (T1).
 #pragma once
@@ -42,7 +42,7 @@ class FairWorkers {
   // Those that this thread is one of. Throws std::logic_error where it is none.
   static FairWorkers& here();
   // For the job of this thread, which can do nothing before `other` has ended: gives the turn to it, and
-  // returns when it has. Throws as a look() does, and as current().
+  // returns when it has. Throws as a check_cancelled() does, and as current().
   void step_aside(Id other);
   // When a job on these terms would be done, if it were posted now.
   double done_in_s(const JobTerms&) const;

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/device/worked.h"
 #include "service/limits/seconds.h"
 #include "service/scene/errors.h"
@@ -22,14 +22,14 @@ constexpr double kOfCrossing = 0.85;
 }  // namespace
 
 ImagingLane::ImagingLane(std::size_t number, CurrentDevice& device, Publisher& publisher,
-                         std::shared_ptr<MemoryBudget> memory, Ways ways)
+                         std::shared_ptr<MemoryBudget> memory, Options options)
     : device_(device),
       publisher_(publisher),
       memory_(std::move(memory)),
-      ways_(std::move(ways)),
+      options_(std::move(options)),
       engines_(device),
       recovery_(
-          number, [this] { open_again(); }, ways_.tell) {
+          number, [this] { open_again(); }, options_.tell) {
   device_.on_failure([this](const std::string& why) { recovery_.failed(why); });
 }
 
@@ -38,7 +38,7 @@ FairWorkers::Running<void> ImagingLane::warm() {
     const std::shared_ptr<Device> device = device_;
     if (device->was_tried()) return;  // by another service of this process
     engines_.borrow("")->warm();
-    ways_.warm(device);
+    options_.warm(device);
     device->tried();
   });
 }
@@ -50,13 +50,13 @@ void ImagingLane::stop() {
 
 // A new device, tried by an estimate and by touch's kernels; then it is everybody's.
 void ImagingLane::open_again() {
-  const std::shared_ptr<Device> device = ways_.reopen();
+  const std::shared_ptr<Device> device = options_.reopen();
   workers_
       .run({},
            [this, device] {
              engines_.use(device);
              engines_.borrow("")->warm();
-             ways_.warm(device);
+             options_.warm(device);
            })
       .future.get();
   device_.replace(device);
@@ -135,7 +135,7 @@ JobTerms ImagingLane::admit(const EstimateRequest& request, const JobTerms& aske
 
 // What another device has published meanwhile is newer.
 void ImagingLane::require_here(const EstimateRequest& request) const {
-  if (request.scene && !ways_.images(request.scene))
+  if (request.scene && !options_.images(request.scene))
     throw Error(ErrorKind::kUnavailable, "another device has taken the scene over; send the pair again");
 }
 

@@ -36,13 +36,13 @@ class ImagingLane {
   // `device`: its `number`-th. `reopen` opens it anew after it failed; `tell` is told whether it works, on
   // another thread; `warm` compiles what touch uses of it; `images`: whether a scene is imaged here, and not
   // on another device meanwhile.
-  struct Ways {
+  struct Options {
     std::function<std::shared_ptr<Device>()> reopen;
     std::function<void(bool works)> tell;
     std::function<void(const std::shared_ptr<Device>&)> warm;
     std::function<bool(const std::shared_ptr<const Scene>&)> images;
   };
-  ImagingLane(std::size_t number, CurrentDevice& device, Publisher&, std::shared_ptr<MemoryBudget>, Ways);
+  ImagingLane(std::size_t number, CurrentDevice& device, Publisher&, std::shared_ptr<MemoryBudget>, Options);
 
   // Compiles the kernels; `future` is ready when that is done.
   FairWorkers::Running<void> warm();
@@ -87,7 +87,7 @@ class ImagingLane {
   CurrentDevice& device_;
   Publisher& publisher_;
   const std::shared_ptr<MemoryBudget> memory_;
-  const Ways ways_;
+  const Options options_;
   std::atomic<double> stalled_s_{kStalledS};
   EstimateCost cost_;
   Engines engines_;

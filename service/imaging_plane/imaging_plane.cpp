@@ -18,7 +18,7 @@ ImagingPlane::ImagingPlane(std::deque<CurrentDevice>& devices, Scenes& scenes,
   for (std::size_t k = 0; k < devices.size(); ++k)
     lanes_.emplace_back(
         k, devices[k], publisher_, memory,
-        ImagingLane::Ways{[reopen, k] { return reopen(k); }, [this, k](bool works) { this->tell(k, works); },
+        ImagingLane::Options{[reopen, k] { return reopen(k); }, [this, k](bool works) { this->tell(k, works); },
                           [models, k](const std::shared_ptr<Device>& device) {
                             if (k == 0) models->warm(device);
                           },

@@ -4,7 +4,7 @@
 
 #include <optional>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -74,7 +74,7 @@ void Publisher::let_end(const Scene& scene, const Changer& other,
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kLook, [&] { return !changing_.contains(&scene); });
   }
-  look();
+  check_cancelled();
 }
 
 template <class Change>
@@ -102,7 +102,7 @@ Published Publisher::publish(const std::shared_ptr<Scene>& scene, const WindowEs
                              const std::string& client) {
   const Published published = change(scene, client, [&] {
     return scene->publish(estimate, [] {
-      look();
+      check_cancelled();
       return false;
     });
   });

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/maps.h"
 #include "service/rpc/modulus_messages.h"
 #include "service/rpc/palpation_messages.h"
@@ -209,7 +209,7 @@ RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
   // Beyond, sums of squares over a window leave the range of float and the correlation means nothing.
   constexpr float kLargestSample = 1e15F;
   for (std::size_t l = 0; l < lines_; ++l) {
-    look();
+    check_cancelled();
     const std::size_t each = samples_ * bytes_per_item(dtype_);
     if (dtype_ == v1::DATA_TYPE_FLOAT32) {
       std::memcpy(line.data(), bytes.data() + l * each, each);

@@ -57,7 +57,7 @@ void ObserveReactor::take(const v1::ObserveRequest& request) {
   else if (!opened_)
     throw std::invalid_argument("open: the first message of an observer must be open");
   else if (request.kind_case() == v1::ObserveRequest::kAcknowledged)
-    onlooker_->acknowledge(request.acknowledged());
+    observer_->acknowledge(request.acknowledged());
   else
     throw std::invalid_argument("kind: empty request; send open, then acknowledge each state");
 }
@@ -67,22 +67,22 @@ void ObserveReactor::open(const v1::ObserveOpen& open) {
   require_named(*context_, open.scene_id());
   const auto scene = core_.scenes.find(open.scene_id());
   news_ = std::make_unique<SceneNews>(core_, copying_, scene, client_of(*context_), open);
-  onlooker_ = std::make_unique<Onlooker>(
-      scene, Onlooker::Wishes{open.answers(), open.surface(), open.session_id(), open.max_rate_hz()});
+  observer_ = std::make_unique<Observer>(
+      scene, Observer::Options{open.answers(), open.surface(), open.session_id(), open.max_rate_hz()});
   opened_ = true;
   spdlog::info("event=observe_opened stream={} scene={} peer={}", id(), scene->id(), context_->peer());
 }
 
 void ObserveReactor::check() const {
   core_.calls.require_open();
-  if (opened_) onlooker_->scene().require_exists();
+  if (opened_) observer_->scene().require_exists();
 }
 
 void ObserveReactor::tick(Clock::time_point now) {
   ServedStream::tick(now);
   if (!opened_) return core_.calls.require_first_message("open", begun_, now);
   news_->look();
-  const auto state = onlooker_->due(now, !writing(), news_->ready());
+  const auto state = observer_->due(now, !writing(), news_->ready());
   if (!state) return;
   state_.Clear();
   state_.set_state(state->number);
@@ -98,9 +98,9 @@ void ObserveReactor::tick(Clock::time_point now) {
 
 void ObserveReactor::closed() {
   if (!opened_) return;
-  spdlog::info("event=observe_closed stream={} scene={} states={} code={}", id(), onlooker_->scene().id(),
-               onlooker_->count(), static_cast<int>(life().status().error_code()));
-  onlooker_.reset(), news_.reset();
+  spdlog::info("event=observe_closed stream={} scene={} states={} code={}", id(), observer_->scene().id(),
+               observer_->count(), static_cast<int>(life().status().error_code()));
+  observer_.reset(), news_.reset();
 }
 
 }  // namespace teletact::service

@@ -8,7 +8,7 @@
 #include "service/rpc/core.h"
 #include "service/rpc/scene_news.h"
 #include "service/rpc/served_call.h"
-#include "service/touch_plane/onlooker.h"
+#include "service/touch_plane/observer.h"
 #include "teletact/v1/palpation.pb.h"
 
 namespace teletact::service {
@@ -33,7 +33,7 @@ class ObserveReactor final : public ServedStream<v1::ObserveRequest, v1::Observa
   Core& core_;
   NicedWorker& copying_;
   const Clock::time_point begun_ = Clock::now();
-  std::unique_ptr<Onlooker> onlooker_;
+  std::unique_ptr<Observer> observer_;
   std::unique_ptr<SceneNews> news_;
   std::atomic<bool> opened_{false};  // both are there
   v1::Observation state_;            // not touched while a write is under way

@@ -39,11 +39,11 @@ TaxelGrid taxels_from(const v1::TactileWish& in) {
 
 }  // namespace
 
-TouchWishes wishes_from(const v1::TouchOpen& in) {
-  TouchWishes wishes{in.session_id(), in.credit(), in.period_s(), {}, in.laws(), in.pressure()};
-  if (in.has_tactile()) wishes.tactile = taxels_from(in.tactile());
-  TouchOptions& options = wishes.touch;
-  Fingertip& tip = options.fingertip;
+TouchStreamOptions stream_options_from(const v1::TouchOpen& in) {
+  TouchStreamOptions options{in.session_id(), in.credit(), in.period_s(), {}, in.laws(), in.pressure()};
+  if (in.has_tactile()) options.tactile = taxels_from(in.tactile());
+  TouchOptions& touch = options.touch;
+  Fingertip& tip = touch.fingertip;
   switch (in.fingertip().shape()) {
     case v1::FINGERTIP_SHAPE_UNSPECIFIED:
     case v1::FINGERTIP_SHAPE_ROUNDED_TIP:
@@ -69,36 +69,36 @@ TouchWishes wishes_from(const v1::TouchOpen& in) {
   if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();
   if (in.fingertip().half_width_m() != 0) tip.half_width_m = in.fingertip().half_width_m();
   tip.footprint_m = in.fingertip().footprint_m();
-  options.layer_depth_m = in.layer().depth_m();
+  touch.layer_depth_m = in.layer().depth_m();
   if (in.layer().normal_size() > 0)
-    options.layer_normal = vector_from("open.layer.normal", in.layer().normal(), false);
+    touch.layer_normal = vector_from("open.layer.normal", in.layer().normal(), false);
   if (in.has_tolerance()) {
     const auto tolerance = [](const char* field, double value, double most) {
       if (value >= 0 && value <= most) return value;
       throw std::invalid_argument(
           fmt::format("open.tolerance.{}: {} is not within [0, {}]", field, value, most));
     };
-    options.tolerance = Tolerance{tolerance("relative", in.tolerance().relative(), 1),
+    touch.tolerance = Tolerance{tolerance("relative", in.tolerance().relative(), 1),
                                   tolerance("force_n", in.tolerance().force_n(), 100)};
   }
   switch (in.path()) {
     case v1::SOLVE_PATH_UNSPECIFIED:
-      options.path = SolvePath::kAuto;
+      touch.path = SolvePath::kAuto;
       break;
     case v1::SOLVE_PATH_COMPLIANCE:
-      options.path = SolvePath::kCompliance;
+      touch.path = SolvePath::kCompliance;
       break;
     case v1::SOLVE_PATH_GRADIENTS:
-      options.path = SolvePath::kGradients;
+      touch.path = SolvePath::kGradients;
       break;
     case v1::SOLVE_PATH_SHARES:
-      options.path = SolvePath::kShares;
+      touch.path = SolvePath::kShares;
       break;
     default:
       throw std::invalid_argument(
           "open.path: unknown, or no longer there; leave it out, or use COMPLIANCE, GRADIENTS or SHARES");
   }
-  return wishes;
+  return options;
 }
 
 FingerPose pose_from(const v1::ContactPose& in) {

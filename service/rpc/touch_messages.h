@@ -9,7 +9,7 @@ namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
 
-TouchWishes wishes_from(const v1::TouchOpen&);
+TouchStreamOptions stream_options_from(const v1::TouchOpen&);
 FingerPose pose_from(const v1::ContactPose&);
 // `instance`: the process', for stamps. The caller adds when it was answered.
 void answer_to(const TouchStream::Answered&, std::uint64_t instance, v1::TouchAnswer*);

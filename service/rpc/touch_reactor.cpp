@@ -25,9 +25,9 @@ void steering_to(FingerBoard::Steering steering, Message* out) {
 }
 
 // In whose turn it is answered: who only observes has less of them than who steers.
-TouchQueue::Principal principal_of(const TouchWishes& wishes) {
-  if (wishes.may_steer) return {wishes.touch.client, 1};
-  return {"observer " + wishes.touch.client, TouchQueue::kObserverWeight};
+TouchQueue::Principal principal_of(const TouchStreamOptions& options) {
+  if (options.may_steer) return {options.touch.client, 1};
+  return {"observer " + options.touch.client, TouchQueue::kObserverWeight};
 }
 
 }  // namespace
@@ -77,15 +77,15 @@ void TouchReactor::tick(Clock::time_point now) {
 void TouchReactor::open(const v1::TouchOpen& open) {
   if (opened_) throw std::invalid_argument("open: sent twice; send poses, or open another stream");
   require_named(*context_, open.scene_id());
-  TouchWishes wishes = wishes_from(open);
-  wishes.touch.client = client_of(*context_);
-  wishes.may_steer = required().need == Need::kSteer;
-  const TouchQueue::Principal principal = principal_of(wishes);
+  TouchStreamOptions options = stream_options_from(open);
+  options.touch.client = client_of(*context_);
+  options.may_steer = required().need == Need::kSteer;
+  const TouchQueue::Principal principal = principal_of(options);
   const auto kind =
-      wishes.touch.path == SolvePath::kGradients ? TouchQueue::kLongTurns : TouchQueue::kShortTurns;
+      options.touch.path == SolvePath::kGradients ? TouchQueue::kLongTurns : TouchQueue::kShortTurns;
   if (const auto load = core_.touch.overload(principal, kind)) core_.calls.refuse_for_load(id(), *load);
   stream_ =
-      std::make_unique<TouchStream>(core_.scenes.find(open.scene_id()), std::move(wishes), core_.device);
+      std::make_unique<TouchStream>(core_.scenes.find(open.scene_id()), std::move(options), core_.device);
   name_ = shown(open.session_id());
   spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}", id(),
                name_, stream_->scene().id(), context_->peer(), stream_->credit(),

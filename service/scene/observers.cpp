@@ -6,12 +6,12 @@ namespace teletact::service {
 
 // A stream without a name is looked at where it steers alone.
 bool Observers::One::looks_at(const From& from) const {
-  return wishes.session_id.empty() ? from.steers : wishes.session_id == from.session_id;
+  return options.session_id.empty() ? from.steers : options.session_id == from.session_id;
 }
 
-Observers::Id Observers::join(Wishes wishes) {
+Observers::Id Observers::join(Options options) {
   const std::lock_guard lock(mutex_);
-  all_.emplace(++last_, One{std::move(wishes), {}, {}});
+  all_.emplace(++last_, One{std::move(options), {}, {}});
   any_ = true;
   return last_;
 }
@@ -32,8 +32,8 @@ Observers::Wanted Observers::wanted(const From& from) const {
   const std::lock_guard lock(mutex_);
   for (const auto& [id, one] : all_) {
     if (!one.looks_at(from)) continue;
-    wanted.touch |= one.wishes.answers;
-    wanted.surface |= one.wishes.surface;
+    wanted.touch |= one.options.answers;
+    wanted.surface |= one.options.surface;
   }
   return wanted;
 }
@@ -41,13 +41,13 @@ Observers::Wanted Observers::wanted(const From& from) const {
 void Observers::tell(const From& from, const std::shared_ptr<const ObservedTouch>& touch) {
   const std::lock_guard lock(mutex_);
   for (auto& [id, one] : all_)
-    if (one.looks_at(from) && one.wishes.answers) one.news.touch = touch;
+    if (one.looks_at(from) && one.options.answers) one.news.touch = touch;
 }
 
 void Observers::tell(const From& from, const std::shared_ptr<const ObservedSurface>& surface) {
   const std::lock_guard lock(mutex_);
   for (auto& [id, one] : all_) {
-    if (!one.looks_at(from) || !one.wishes.surface || surface->at < one.surface_at) continue;
+    if (!one.looks_at(from) || !one.options.surface || surface->at < one.surface_at) continue;
     one.news.surface = surface;
     one.surface_at = surface->at;
   }

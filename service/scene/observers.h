@@ -29,7 +29,7 @@ class Observers {
  public:
   using Clock = std::chrono::steady_clock;
   using Id = std::uint64_t;
-  struct Wishes {
+  struct Options {
     bool answers = false, surface = false;
     std::string session_id = {};  // of the touch stream that is looked at; empty: the one that steers
   };
@@ -38,7 +38,7 @@ class Observers {
     std::shared_ptr<const ObservedTouch> touch;
     std::shared_ptr<const ObservedSurface> surface;
   };
-  Id join(Wishes);
+  Id join(Options);
   void leave(Id);
   News take(Id);
 
@@ -58,7 +58,7 @@ class Observers {
 
  private:
   struct One {
-    Wishes wishes;
+    Options options;
     News news;
     Clock::time_point surface_at{};  // of the last that was told
     bool looks_at(const From&) const;

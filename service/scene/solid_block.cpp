@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/plan/choices.h"
 #include "service/scene/slices.h"
 
@@ -76,7 +76,7 @@ void fill(SolidBlock& block, const ExplicitModulus& e, const Wanted& wanted) {
     const auto column = static_cast<double>(given_of(k, given_z, grid.nz));
     const Between at = between(e, block.origin_z_m + (column + 0.5) * grid.spacing_z_m);
     if (!wanted(at)) continue;
-    look();
+    check_cancelled();
     for (std::size_t j = 0; j < layers; ++j)
       for (std::size_t i = 0; i < grid.nx; ++i) {
         const std::size_t x = j * given_x + given_of(i, given_x, grid.nx);

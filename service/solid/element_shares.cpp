@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/solid/hexahedron.h"
 
 namespace teletact::service {
@@ -36,7 +36,7 @@ std::vector<double> work_of_elements(const SolidTissue& tissue, const std::vecto
     const HexahedronMatrix stiffness = hexahedron_stiffness(grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j],
                                                             grid.spacing_z_m, tissue.poisson_ratio);
     for (std::size_t k = 0; k < max_z; ++k) {
-      look();
+      check_cancelled();
       gather(u, j, k, moved_u);
       gather(z, j, k, moved_z);
       const std::size_t first = (j * nz + k) * nx;

@@ -7,7 +7,7 @@
 #include <map>
 #include <numbers>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/solid/hexahedron.h"
 
 namespace teletact::service {
@@ -83,7 +83,7 @@ void eliminate(const SolidGrid& grid, const LayeredTissue& tissue, double poisso
   }
   std::vector<std::array<Matrix3d, 3>> symbols(stencils.size());
   for (std::size_t kz = 0; kz <= grid.nz / 2; ++kz) {
-    look();
+    check_cancelled();
     const Wave z = wave(kz, grid.nz);
     for (std::size_t kx = 0; kx <= grid.nx / 2; ++kx) {
       const Wave x = wave(kx, grid.nx);

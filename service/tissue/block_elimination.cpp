@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -72,7 +72,7 @@ void copy_lower_to_upper(MatrixXd& a) {
 void invert_symmetric(Eigen::Ref<MatrixXd> a) {
   const Index n = a.rows();
   if (n <= kLeaf) return invert_small(a);
-  if (n >= kLooked) look();
+  if (n >= kLooked) check_cancelled();
   const Index n1 = n / 2, n2 = n - n1;
   // a = [A B^T; B C]. With X = A^-1, Y = B X, Z = (C - Y B^T)^-1:
   // a^-1 = [X + Y^T Z Y, .; -Z Y, Z].
@@ -95,7 +95,7 @@ void invert_factor(Eigen::Ref<MatrixXd> a) {
     a = small_inverse_factor(a).topLeftCorner(n, n).transpose();
     return;
   }
-  if (n >= kLooked) look();
+  if (n >= kLooked) check_cancelled();
   const Index n1 = n / 2, n2 = n - n1;
   auto x = a.topLeftCorner(n1, n1);
   auto b = a.bottomLeftCorner(n2, n1);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -38,7 +38,7 @@ class Sweep {
 
   void advance(CondensedSide& s, std::size_t column) {
     while (s.column != column) {
-      look();
+      check_cancelled();
       const ElementLayer elements = columns_.elements_after(left_ ? s.column : s.column - 1);
       const LayerCoupling to_next = left_ ? elements.coupling().transposed() : elements.coupling();
       elements.add_own(outer_, s.stiffness);
@@ -142,9 +142,9 @@ MatrixXd joined(const CondensedSides& sides, const TouchedNodes& touched) {
       const auto [column, row] = std::minmax({turned(a), turned(b)});
       compliance(row, column) = right.held(a, b);
     }
-  look();
+  check_cancelled();
   const MatrixXd z = follow * w.transpose();
-  look();
+  check_cancelled();
   compliance.triangularView<Eigen::Lower>() += z * z.transpose();
   return compliance;
 }

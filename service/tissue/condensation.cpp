@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/tissue/element.h"
 
 namespace teletact::service {
@@ -123,7 +123,7 @@ MatrixXd eliminated_below(const LayeredStiffness& rows, std::vector<MatrixXd>* k
   MatrixXd stiffness = rows.own(last), next = MatrixXd::Zero(rows.size(), rows.size());
   LayerWorkspace workspace(rows.size());
   for (std::size_t j = last; j-- > first;) {
-    look();
+    check_cancelled();
     if (kept) (*kept)[j + 1 - first] = stiffness;
     eliminate(stiffness, rows.elements_after(j).coupling(), workspace, next);
     rows.add_own(j, next);
@@ -141,7 +141,7 @@ std::vector<MatrixXd> condensed_rows(const LayeredStiffness& rows, std::vector<M
   // A_j, from the top down.
   MatrixXd above = rows.own(first), change = MatrixXd::Zero(rows.size(), rows.size());
   for (std::size_t j = first + 1; j <= rows.last_layer(); ++j) {
-    look();
+    check_cancelled();
     eliminate(above, rows.elements_after(j - 1).coupling().transposed(), workspace, change);
     condensed[j - first] += change;  // A_j - D_j
     rows.add_own(j, change);

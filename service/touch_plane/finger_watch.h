@@ -1,4 +1,4 @@
-// One watcher of a scene's finger: when it is to be told of it. The newest state, at most at the rate of the
+// One watcher of a scene's finger: when it is to be sent of it. The newest state, at most at the rate of the
 // limits, and only once it has acknowledged the last: a watcher that stops reading is never more than one
 // state behind. Thread-safe.
 #pragma once
@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "service/scene/scene.h"
-#include "service/touch_plane/told_states.h"
+#include "service/touch_plane/sent_states.h"
 
 namespace teletact::service {
 
@@ -29,15 +29,15 @@ class FingerWatch {
   Scene& scene() const { return *scene_; }
   // The newest state that was received. Throws std::invalid_argument for one that was not sent.
   void acknowledge(std::uint64_t state);
-  // What is to be told now, if anything. `told`: the last was sent. Throws Error(kDeadline) when that is not
+  // What is to be sent now, if anything. `sent`: the last was sent. Throws Error(kDeadline) when that is not
   // acknowledged for too long.
-  std::optional<State> due(Clock::time_point now, bool told);
+  std::optional<State> due(Clock::time_point now, bool sent);
   std::uint64_t count() const;
 
  private:
   const std::shared_ptr<Scene> scene_;
   mutable std::mutex mutex_;
-  ToldStates told_;
+  SentStates sent_;
   std::uint64_t generation_ = 0;  // of the last one's finger
 };
 

@@ -79,18 +79,18 @@ TouchExchange::Work TouchExchange::begin(Time now) {
   return law_looked_for_ ? Work::kAnswer : Work::kLawBefore;
 }
 
-void TouchExchange::told_law(Time now, bool told, bool more) {
+void TouchExchange::law_sent(Time now, bool sent, bool more) {
   busy_ = false;
-  writing_ = told;
+  writing_ = sent;
   if (asked_) {
     // Nothing is felt before the first answer: that one waits for a law which is being made.
     const bool waits = answered_ == 0 && now < asked_->at + choices::kLawStep;
-    law_looked_for_ = !told && !waits;
-    law_due_ = told ? now : now + kLookForLaw;
+    law_looked_for_ = !sent && !waits;
+    law_due_ = sent ? now : now + kLookForLaw;
     return;
   }
-  pieces_ += told;
-  law_due_ = told ? now : more ? now + choices::kLawStep : Time::max();
+  pieces_ += sent;
+  law_due_ = sent ? now : more ? now + choices::kLawStep : Time::max();
 }
 
 std::uint64_t TouchExchange::answered(Time now, bool more) {

@@ -36,7 +36,7 @@ class TouchExchange {
   struct Terms {
     std::uint64_t credit = 1;
     Clock::duration period{};  // between answers, at least
-    bool laws = false;         // pieces of contact laws are told, too
+    bool laws = false;         // pieces of contact laws are sent, too
     double acknowledge_s = 10, idle_s = 60;
   };
   struct Arrived {
@@ -68,8 +68,8 @@ class TouchExchange {
   // What is to be done now: it is begun, and nothing else is until one of the next lines.
   Work begin(Time now);
   void opened() { did_write(); }
-  // A piece was told, or there was none; `more`: there may soon be.
-  void told_law(Time now, bool told, bool more);
+  // A piece was sent, or there was none; `more`: there may soon be.
+  void law_sent(Time now, bool sent, bool more);
   // Returns the answer's number, which counts from 1. `more` as of laws.
   std::uint64_t answered(Time now, bool more);
   void failed() { busy_ = false; }

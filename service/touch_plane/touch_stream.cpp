@@ -38,32 +38,32 @@ Along along(const Vector3& vector) {
   return {vector[0], vector[2]};
 }
 
-TouchExchange::Terms terms_from(const TouchWishes& wishes, const Limits& limits) {
-  return {credit_from(wishes.credit, limits), answer_period(wishes.period_s, limits), wishes.laws,
+TouchExchange::Terms terms_from(const TouchStreamOptions& options, const Limits& limits) {
+  return {credit_from(options.credit, limits), answer_period(options.period_s, limits), options.laws,
           limits.acknowledge_s, limits.touch_idle_s};
 }
 
-TouchOptions&& options_of(TouchWishes& wishes) {
-  if (wishes.session_id.size() > TouchStream::kMaxSessionIdBytes)
+TouchOptions&& options_of(TouchStreamOptions& options) {
+  if (options.session_id.size() > TouchStream::kMaxSessionIdBytes)
     throw std::invalid_argument(fmt::format("open.session_id: {} bytes; choose a name of at most {}",
-                                            wishes.session_id.size(), TouchStream::kMaxSessionIdBytes));
-  wishes.touch.pressure = wishes.pressure || wishes.tactile;
-  return std::move(wishes.touch);
+                                            options.session_id.size(), TouchStream::kMaxSessionIdBytes));
+  options.touch.pressure = options.pressure || options.tactile;
+  return std::move(options.touch);
 }
 
 }  // namespace
 
-TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchWishes wishes, const CurrentDevice& device)
+TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchStreamOptions options, const CurrentDevice& device)
     : scene_(std::move(scene)),
       device_(device),
-      exchange_(terms_from(wishes, scene_->limits()), Clock::now()),
-      pressure_(wishes.pressure),
-      session_id_(wishes.session_id),
-      session_(scene_, options_of(wishes), device),
-      laws_(wishes.laws ? std::make_optional<LawOutbox>() : std::nullopt),
-      tactile_(wishes.tactile ? std::make_optional<TactileOutbox>(*wishes.tactile) : std::nullopt),
-      finger_(scene_->finger().join(wishes.session_id, Clock::now(), session_.tolerance(),
-                                    wishes.may_steer)) {}  // last: one that is refused never was
+      exchange_(terms_from(options, scene_->limits()), Clock::now()),
+      pressure_(options.pressure),
+      session_id_(options.session_id),
+      session_(scene_, options_of(options), device),
+      laws_(options.laws ? std::make_optional<LawOutbox>() : std::nullopt),
+      tactile_(options.tactile ? std::make_optional<TactileOutbox>(*options.tactile) : std::nullopt),
+      finger_(scene_->finger().join(options.session_id, Clock::now(), session_.tolerance(),
+                                    options.may_steer)) {}  // last: one that is refused never was
 
 Region TouchStream::covered() const {
   return scene_->snapshot()->covered_around(scene_->finger().now().position_m[0]);
@@ -193,7 +193,7 @@ std::optional<LawPiece> TouchStream::law_for(TouchExchange::Work work) {
                       : piece_for(*exchange_.finger(), std::numeric_limits<double>::infinity());
   const auto now = Clock::now();
   const std::lock_guard lock(mutex_);
-  exchange_.told_law(now, piece.has_value(), more_laws(now));
+  exchange_.law_sent(now, piece.has_value(), more_laws(now));
   return piece;
 }
 

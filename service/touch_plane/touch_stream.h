@@ -21,7 +21,7 @@
 namespace teletact::service {
 
 // What a stream is opened with.
-struct TouchWishes {
+struct TouchStreamOptions {
   std::string session_id;
   std::uint64_t credit = 0;  // 0: 1
   double period_s = 0;       // 0: TouchStream::kUsualPeriodS
@@ -58,8 +58,8 @@ class TouchStream {
   };
   using Said = std::variant<std::monostate, Opened, LawPiece, Answered, Left>;
 
-  // Throws std::invalid_argument (field named) for wishes that cannot be met.
-  TouchStream(std::shared_ptr<Scene>, TouchWishes, const CurrentDevice&);
+  // Throws std::invalid_argument (field named) for options that cannot be met.
+  TouchStream(std::shared_ptr<Scene>, TouchStreamOptions, const CurrentDevice&);
   ~TouchStream() { leave(); }
   TouchStream(const TouchStream&) = delete;
   TouchStream& operator=(const TouchStream&) = delete;

@@ -14,7 +14,7 @@
 #include <limits>
 #include <thread>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/device/program.h"
 #include "tests/support/faulty_kernels.h"
 
@@ -290,7 +290,7 @@ TEST_F(Device_, LaunchesOnAThreadThatLooksUpComeInSlicesAndGiveTheSame) {
     queue.fill_zero(y);
     int looks = 0;
     {
-      const Looking looking([&] { ++looks; });
+      const CancellationCheck check([&] { ++looks; });
       launch();
       EXPECT_EQ(queue.read(y), whole);
     }
@@ -321,7 +321,7 @@ kernel void where(global int* restrict size, global int* restrict from) {
     return std::pair{queue.read(size), queue.read(from)};
   };
   EXPECT_EQ(launch(kSize).first.back(), kSize) << "nobody looks: as a whole";
-  const Looking looking([] {});
+  const CancellationCheck check([] {});
   EXPECT_EQ(launch(128).second[127], 64);
   for (int again = 0; again < 6; ++again) {
     const auto [sizes, begins] = launch(kSize);
@@ -347,7 +347,7 @@ TEST_F(Device_, WorkThatIsToEndEndsBetweenTheSlicesOfALaunch) {
   queue.finish();
   Kernel scale = queue.kernel("scale", "scale", Precision::kFloat);
   {
-    const Looking looking([] { throw std::runtime_error("enough"); });
+    const CancellationCheck check([] { throw std::runtime_error("enough"); });
     EXPECT_THROW(scale({{kSize}, {64}}, x, y, static_cast<int>(kSize), Local{64}), std::runtime_error);
   }
   const std::vector<float> part = queue.read(y);

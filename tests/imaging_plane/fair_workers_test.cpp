@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "tests/imaging_plane/error_kind.h"
 
@@ -31,7 +31,7 @@ JobTerms of(const std::string& client) {
 // Looks again and again until `until` says so.
 void work_until(const std::function<bool()>& until) {
   while (!until()) {
-    look();
+    check_cancelled();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
 }
@@ -53,7 +53,7 @@ TEST(FairWorkers, ShortJobIsDoneWhileALongOneOfAnotherClientGoesOn) {
   });
   for (int k = 0; k < 3; ++k) {
     auto fair = workers.run(of("fair"), [&] {
-      for (int n = 0; n < 100; ++n) alone(), look();
+      for (int n = 0; n < 100; ++n) alone(), check_cancelled();
       return 7;
     });
     ASSERT_EQ(fair.future.wait_for(kLong), std::future_status::ready);
@@ -226,7 +226,7 @@ TEST(FairWorkers, JobsOfManyClientsAllEndAndLeaveNothing) {
   for (int k = 0; k < 200; ++k) {
     try {
       all.push_back(workers.run(of("client " + std::to_string(k % 12)), [&] {
-        for (int n = 0; n < 20; ++n) look();
+        for (int n = 0; n < 20; ++n) check_cancelled();
         ++done;
       }));
     } catch (const Error& error) {  // full: the plane catches up
@@ -255,7 +255,7 @@ TEST(FairWorkers, SayHowLongWhoeverWorksHasNotLookedUp) {
   std::atomic<bool> looks{false}, enough{false};
   const auto hung = workers.run(of("a"), [&] {
     while (!enough) {
-      if (looks) look();
+      if (looks) check_cancelled();
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   });

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "service/device/fault.h"
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
@@ -63,7 +63,7 @@ class Plane : public testing::Test {
 TEST_F(Plane, OneThatIsLateBeforeItsFramesAreReadWasNotTried) {
   const double before_s = expected_s();
   const auto endless = []() -> Frames {
-    for (;; std::this_thread::sleep_for(std::chrono::milliseconds(1))) look();
+    for (;; std::this_thread::sleep_for(std::chrono::milliseconds(1))) check_cancelled();
   };
   EXPECT_THROW(estimate(endless, {}, std::chrono::milliseconds(100)), Error);
   const double unread_s = expected_s();

@@ -10,7 +10,7 @@
 #include <optional>
 #include <thread>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "tests/scene/create_scene.h"
 #include "tests/scene/windows.h"
@@ -31,7 +31,7 @@ class Publishing : public testing::Test {
   // Has a publication begun, which changes the scene until `release`.
   auto held_in_the_midst(const std::function<Published()>& publication) {
     auto held = workers.run(of("first"), [this, publication] {
-      const Looking waits([this] {
+      const CancellationCheck waits([this] {
         in_the_midst = true;
         while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
       });
@@ -60,7 +60,7 @@ TEST_F(Publishing, OneOfAnotherDeviceWaitsForTheOneThatChangesTheScene) {
   auto first = held_in_the_midst([&] { return publish(0.03, "first"); });
   std::atomic<int> looks{0};
   auto second = of_another_device.run(of("second"), [&] {
-    const Looking counted([&] { ++looks; });
+    const CancellationCheck counted([&] { ++looks; });
     const Published published = publish(0.06, "second");
     second_done = true;
     return published;
@@ -116,10 +116,10 @@ TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinnin
   std::atomic<int> looks_meanwhile{0};
   std::optional<FairWorkers::Running<Published>> second;
   auto first = workers.run(of("first"), [&] {
-    const Looking in_the_midst([&] {
+    const CancellationCheck in_the_midst([&] {
       if (second) return;
       second = workers.run(of("second"), [&] {
-        const Looking counted([&] {
+        const CancellationCheck counted([&] {
           if (!first_published) ++looks_meanwhile;
         });
         return publish(0.06, "second");
@@ -147,7 +147,7 @@ TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
   for (const char* client : {"a", "b"})
     greedy.push_back(workers.run(of(client), [&] {
       for (;;) {
-        look();
+        check_cancelled();
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
         ++steps;
       }

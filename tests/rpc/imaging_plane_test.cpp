@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "tests/rpc/estimate_client.h"
 
@@ -27,7 +27,7 @@ FairWorkers::Running<void> endless(
   return server.core().imaging.lanes()[0].workers().run(terms, [begins] {
     begins();
     for (;;) {
-      look();
+      check_cancelled();
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   });

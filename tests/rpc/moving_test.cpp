@@ -4,7 +4,7 @@
 #include <future>
 #include <memory>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/health.h"
@@ -72,7 +72,7 @@ TEST_F(Moving, HandsAreServedWhileWhoStoodByTakesOver) {
   std::atomic<bool> gives_way{false};  // until then the estimate has no turn
   auto busy = server->core().imaging.lanes()[0].workers().run(terms, [&] {
     for (;;) {
-      if (gives_way) look();
+      if (gives_way) check_cancelled();
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   });

@@ -87,8 +87,8 @@ class TactileStream : public testing::Test {
       if (const auto* answered = std::get_if<TouchStream::Answered>(&said)) return *answered;
     }
   }
-  static TouchWishes wishes() {
-    TouchWishes wishes{"hand", 8, 0, {}};
+  static TouchStreamOptions wishes() {
+    TouchStreamOptions wishes{"hand", 8, 0, {}};
     wishes.tactile = TaxelGrid{};
     return wishes;
   }

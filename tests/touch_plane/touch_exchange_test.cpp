@@ -128,13 +128,13 @@ class ExchangeWithLaws : public Exchange {
  protected:
   ExchangeWithLaws() : Exchange(true) {}
   void told() {
-    exchange.told_law(at, true, true);
+    exchange.law_sent(at, true, true);
     EXPECT_EQ(exchange.begin(at), Work::kNothing) << "it is being written";
     exchange.written();
   }
   std::uint64_t answer_after_none(bool more) {
     EXPECT_EQ(exchange.begin(at), Work::kLawBefore);
-    exchange.told_law(at, false, more);
+    exchange.law_sent(at, false, more);
     EXPECT_EQ(exchange.begin(at), Work::kAnswer);
     const std::uint64_t number = exchange.answered(at, more);
     exchange.written();
@@ -147,7 +147,7 @@ TEST_F(ExchangeWithLaws, TheFirstAnswerWaitsForALawLaterOnesDoNot) {
   const Time until = at + choices::kLawStep;
   for (; at < until; at += TouchExchange::kLookForLaw) {
     ASSERT_EQ(exchange.begin(at), Work::kLawBefore);
-    exchange.told_law(at, false, false);
+    exchange.law_sent(at, false, false);
     ASSERT_EQ(exchange.next(at).due, at + TouchExchange::kLookForLaw);
   }
   EXPECT_EQ(answer_after_none(false), 1U);
@@ -177,11 +177,11 @@ TEST_F(ExchangeWithLaws, TwoPiecesAtMostGoBetweenAnswers) {
   }
   EXPECT_EQ(answer_after_none(true), 2U);
   EXPECT_EQ(exchange.begin(at), Work::kLaw) << "again after an answer";
-  exchange.told_law(at, false, true);
+  exchange.law_sent(at, false, true);
   EXPECT_EQ(exchange.next(at).due, at + choices::kLawStep) << "looked for again soon";
   at += choices::kLawStep;
   EXPECT_EQ(exchange.begin(at), Work::kLaw);
-  exchange.told_law(at, false, false);
+  exchange.law_sent(at, false, false);
   EXPECT_EQ(exchange.next(at).due, Time::max()) << "all is told";
 }
 

@@ -245,7 +245,7 @@ class Simulation {
     if (work == Work::kLawBefore || work == Work::kLaw) {
       ++c.pieces;
       const bool piece = one_in(4);
-      c.exchange->told_law(now_, piece, one_in(2));
+      c.exchange->law_sent(now_, piece, one_in(2));
       if (piece) write(k, 0);
     }
     if (work == Work::kAnswer) {

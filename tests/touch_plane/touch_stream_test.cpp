@@ -191,7 +191,7 @@ TEST_F(Stream, ThatIsRefusedNeverWasAtTheScene) {
   stream.end();
   EXPECT_TRUE(std::holds_alternative<TouchStream::Left>(stream.turn()));
   ASSERT_FALSE(scene->finger().now().present);
-  TouchWishes wishes{"ghost", 0, 0, {}};
+  TouchStreamOptions wishes{"ghost", 0, 0, {}};
   wishes.tactile = TaxelGrid{.along_x = TactileOutbox::kMaxTaxels + 1};
   EXPECT_THROW(TouchStream(scene, std::move(wishes), no_device), std::invalid_argument);
   EXPECT_FALSE(scene->finger().now().present);

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 
@@ -28,7 +28,7 @@ void give_back(Eigen::MatrixXd& block) {
 
 BlockTridiagonal::BlockTridiagonal(Eigen::Index count, Eigen::Index size) {
   for (Eigen::Index k = 0; k < count; ++k) {
-    look();  // at the limits these are 2 GB
+    check_cancelled();  // at the limits these are 2 GB
     for (auto* blocks : {&diagonal, &lower, &upper}) blocks->push_back(Eigen::MatrixXd::Zero(size, size));
   }
 }
@@ -40,28 +40,28 @@ BlockTridiagonal::Solution BlockTridiagonal::solve(const Eigen::MatrixXd& b) {
   Eigen::MatrixXd y = b;
   Eigen::MatrixXd d = diagonal[0];
   for (std::size_t k = 0; k < count; ++k) {
-    look();
+    check_cancelled();
     const auto column = static_cast<Eigen::Index>(k);
     const Eigen::PartialPivLU<Eigen::MatrixXd> lu(d);
     y.col(column) = lu.solve(y.col(column)).eval();
     if (!y.col(column).allFinite()) throw std::domain_error("a block of the system is singular");
     if (k + 1 == count) break;
-    look();
+    check_cancelled();
     carry[k] = lu.solve(upper[k]);
-    look();
+    check_cancelled();
     d = diagonal[k + 1];
     d.noalias() -= lower[k + 1] * carry[k];
     y.col(column + 1).noalias() -= lower[k + 1] * y.col(column);
   }
   for (std::size_t k = count - 1; k-- > 0;) {
-    look();
+    check_cancelled();
     y.col(static_cast<Eigen::Index>(k)).noalias() -= carry[k] * y.col(static_cast<Eigen::Index>(k) + 1);
     give_back(carry[k]);
   }
   Solution out{std::move(y), 0};
   Eigen::MatrixXd residual = b;
   for (std::size_t k = 0; k < count; ++k) {
-    look();
+    check_cancelled();
     const auto column = static_cast<Eigen::Index>(k);
     residual.col(column) -= diagonal[k] * out.x.col(column);
     if (k > 0) residual.col(column) -= lower[k] * out.x.col(column - 1);

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -52,7 +52,7 @@ CellStrains cell_strains(const Measured& m, const CellGrid& cells, double top_m,
   const auto size = static_cast<Index>(cells.size());
   VectorXd sum = VectorXd::Zero(size), squares = sum, count = sum, nodes = sum;
   for (std::size_t n = 0; n < m.grid.size(); ++n) {
-    if (n % m.grid.nx == 0) look();
+    if (n % m.grid.nx == 0) check_cancelled();
     const double i = (m.grid.x_m(n) - cells.first_x_m) / cells.spacing_m + 0.5,
                  j = (m.grid.y_m(n) - top_m) / cells.row_m;
     if (!(i >= 0 && j >= 0 && i < static_cast<double>(cells.columns) && j < static_cast<double>(cells.rows)))
@@ -69,7 +69,7 @@ CellStrains cell_strains(const Measured& m, const CellGrid& cells, double top_m,
     if (!(count[c] > 0 && count[c] >= kMinPart * nodes[c])) continue;
     const double strain = sum[c] / count[c], deviation = std::sqrt(squares[c] / count[c]);
     if (!(strain > 0 && deviation < kLargestNoise * strain)) continue;
-    out.log_strain[c] = std::log(strain), out.deviation[c] = deviation / strain, out.told[c] = 1;
+    out.log_strain[c] = std::log(strain), out.deviation[c] = deviation / strain, out.observed[c] = 1;
   }
   return out;
 }

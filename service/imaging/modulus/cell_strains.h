@@ -8,9 +8,9 @@
 
 namespace teletact::service {
 
-// Of the cells. ln of the strain's size; what it is off by, as a part of it; told: 1 where it was measured.
+// Of the cells. ln of the strain's size; what it is off by, as a part of it; observed: 1 where it was measured.
 struct CellStrains {
-  Eigen::VectorXd log_strain, deviation, told;
+  Eigen::VectorXd log_strain, deviation, observed;
 };
 
 // `top_m`: depth of the face in the image; `sign` of the strain that counts, -1 compression.

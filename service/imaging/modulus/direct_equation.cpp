@@ -6,7 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/block_tridiagonal.h"
 #include "service/imaging/tracking/median.h"
 
@@ -76,7 +76,7 @@ class System {
         load_(Eigen::MatrixXd::Zero(size_, static_cast<Eigen::Index>(nodes.nx - 2))) {
     const Element element(nodes.dx_m, nodes.dy_m);
     for (std::size_t i = 0; i + 1 < nodes.nx; ++i) {
-      look();
+      check_cancelled();
       for (std::size_t j = 0; j + 1 < nodes.ny; ++j) {
         const std::size_t n = i + nodes.nx * j;
         const std::array<std::size_t, 4> at{n, n + 1, n + nodes.nx, n + nodes.nx + 1};

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -29,7 +29,7 @@ DisplacementData::DisplacementData(const StripModel& model, const Measured& meas
   const TissueGrid& g = model.grid();
   const ImageGrid& image = measured.grid;
   for (std::size_t n = 0; n < image.size(); ++n) {
-    if (n % image.nx == 0) look();
+    if (n % image.nx == 0) check_cancelled();
     const double x = image.x_m(n);
     const double y = image.y_m(n);
     const float deviation_m = std::max(measured.axial_displacement_std[n], min_deviation_m);
@@ -47,7 +47,7 @@ DisplacementData::DisplacementData(const StripModel& model, const Measured& meas
 }
 
 std::vector<double> DisplacementData::observed(const std::vector<double>& displacement) const {
-  look();
+  check_cancelled();
   std::vector<double> out(data_.size());
   for (std::size_t k = 0; k < data_.size(); ++k)
     for (int a = 0; a < 4; ++a) out[k] += data_[k].share[a] * displacement[2 * data_[k].node[a] + 1];
@@ -57,7 +57,7 @@ std::vector<double> DisplacementData::observed(const std::vector<double>& displa
 DisplacementData::Fit DisplacementData::fit(const std::vector<double>& displacement) const {
   Fit out;
   out.modelled = observed(displacement);
-  look();
+  check_cancelled();
   Line line;
   for (std::size_t k = 0; k < data_.size(); ++k)
     line.add(data_[k].weight * data_[k].weight, out.modelled[k], data_[k].displacement_m);
@@ -77,7 +77,7 @@ DisplacementData::Fit DisplacementData::fit(const std::vector<double>& displacem
 
 // Removes what amplitude and offset can follow: the weighted columns `modelled` and 1.
 void DisplacementData::project(const Fit& fit, std::vector<double>& weighted) const {
-  look();
+  check_cancelled();
   Line line;
   for (std::size_t k = 0; k < data_.size(); ++k)
     line.add(data_[k].weight * data_[k].weight, fit.modelled[k], weighted[k] / data_[k].weight);
@@ -99,7 +99,7 @@ std::vector<double> DisplacementData::change(const Fit& fit, const std::vector<d
 std::vector<double> DisplacementData::transposed(const Fit& fit, const std::vector<double>& residual) const {
   std::vector<double> projected = residual, out(dofs_, 0.0);
   project(fit, projected);
-  look();
+  check_cancelled();
   const double scale = fit.amplitude * std::sqrt(independence_);
   for (std::size_t k = 0; k < projected.size(); ++k)
     for (int a = 0; a < 4; ++a)
@@ -122,7 +122,7 @@ DisplacementData::Products DisplacementData::products(const Fit& fit,
   Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
   Eigen::RowVectorXd seen(u.cols());
   for (std::size_t k = 0; k < data_.size(); ++k) {
-    if (k % kDataAtOnce == 0) look();
+    if (k % kDataAtOnce == 0) check_cancelled();
     const Datum& d = data_[k];
     seen.setZero();
     for (int a = 0; a < 4; ++a) seen += d.share[a] * u.row(static_cast<Eigen::Index>(d.node[a]));
@@ -134,7 +134,7 @@ DisplacementData::Products DisplacementData::products(const Fit& fit,
     normal += d.weight * d.weight * of * of.transpose();
   }
   const Eigen::MatrixXd followed = normal.fullPivLu().solve(line);
-  look();
+  check_cancelled();
   Eigen::MatrixXd of_changes = u.transpose() * weighted;
   of_changes -= line.transpose() * followed;
   of_changes *= fit.amplitude * fit.amplitude * independence_;

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -90,11 +90,11 @@ struct Comparison {
   };
   std::vector<Place> places;
   void add(float modulus, float deviation_here, const KnownModulus& known, double x_m, double y_m) {
-    const double told = known(x_m, y_m);
-    if (!std::isfinite(modulus) || !(told > 0 && std::isfinite(told))) return;
+    const double stated = known(x_m, y_m);
+    if (!std::isfinite(modulus) || !(stated > 0 && std::isfinite(stated))) return;
     const double claimed = known.log_deviation ? known.log_deviation(x_m, y_m) : deviation_here;
     places.push_back(
-        {static_cast<float>(std::log(modulus / told)),
+        {static_cast<float>(std::log(modulus / stated)),
          static_cast<float>(std::hypot(deviation_here, std::isfinite(claimed) ? claimed : deviation_here))});
   }
   // Medians over the better known half: an inclusion on one side of a border, or cut by it, says nothing.
@@ -114,7 +114,7 @@ struct Comparison {
 std::array<Comparison, 3> compare(const ModulusInput& in, const ModulusEstimate& e) {
   std::array<Comparison, 3> out;
   for (std::size_t n = 0; n < in.measured.grid.size(); ++n) {
-    if (n % in.measured.grid.nx == 0) look();
+    if (n % in.measured.grid.nx == 0) check_cancelled();
     const double x = in.measured.grid.x_m(n);
     const double y = in.measured.grid.y_m(n);
     const double left = in.tissue.window_x_m, right = left + in.window_width_m;
@@ -144,7 +144,7 @@ Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& 
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::Vector3d load = Eigen::Vector3d::Zero();
     for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n) {
-      if (n % in.measured.grid.nx == 0) look();
+      if (n % in.measured.grid.nx == 0) check_cancelled();
       const double logarithm = std::log(out.youngs_modulus[n] / out.background);
       const Eigen::Vector3d f = place_of(in, n);
       if (!(std::abs(logarithm - plane.dot(f)) < kBackgroundLog)) continue;
@@ -210,7 +210,7 @@ void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
   out_of_plane(in, out);
   pressure(in, out);
   scale(in, out);
-  look();
+  check_cancelled();
   extent(in, out);
   misfit(out);
   const double common = mean_square(out.log_deviation) - own;
@@ -229,7 +229,7 @@ double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) con
   Field of_model(m.grid.size(), nowhere);
   std::vector<float> said;
   for (std::size_t n = 0; n < m.grid.size(); ++n) {
-    if (n % m.grid.nx == 0) look();
+    if (n % m.grid.nx == 0) check_cancelled();
     if (!std::isfinite(out.youngs_modulus[n])) continue;
     const double smeared =
         kSmear * jump_over(out.youngs_modulus, in.measured.grid, n, reach_.x_m, reach_.y_m);

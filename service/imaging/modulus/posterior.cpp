@@ -12,7 +12,7 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/problem.h"
 #include "service/imaging/tracking/median.h"
 
@@ -143,16 +143,16 @@ ModulusPosterior ModulusProblem::posterior(const Point& p, bool absolute) {
     spread.middleCols(first, at_once) = preconditioner_.solve_columns(unit).leftCols(at_once);
   }
   const Eigen::MatrixXd t = patches.mean(spread), &m = seen.of_changes;
-  look();
+  check_cancelled();
   const auto weighed = [&](double texture) -> Eigen::MatrixXd {
     return (Eigen::MatrixXd::Identity(count, count) + texture * m * t).partialPivLu().solve(texture * m);
   };
   const double texture = patches.variation(patches.mean(p.theta - prior_), t * weighed(1) * t);
-  look();
+  check_cancelled();
   const Eigen::MatrixXd x = weighed(texture);
-  look();
+  check_cancelled();
   const Matrix told = spread * x;
-  look();
+  check_cancelled();
   // What scales the map: d log(a P) / d log E, or the mean under the probe.
   VectorXd scale = VectorXd::Zero(elements);
   const double under = std::accumulate(patches.under.begin(), patches.under.end(), 0.0);

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/strain_fit.h"
 #include "service/imaging/tracking/median.h"
@@ -99,15 +99,15 @@ VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, boo
   const Index size = found.homogeneous.size();
   VectorXd by = VectorXd::Zero(size);
   if (varied.homogeneous.size() != size) return by;
-  double sum = 0, told = 0;
+  double sum = 0, observed = 0;
   for (Index c = 0; c < size; ++c) {
     if (!(found.homogeneous[c] > 0 && varied.homogeneous[c] > 0)) continue;
     by[c] = std::log(varied.homogeneous[c] / found.homogeneous[c]) / kVary;
-    sum += found.measured.told[c] * by[c], told += found.measured.told[c];
+    sum += found.measured.observed[c] * by[c], observed += found.measured.observed[c];
   }
-  const double mean = sum / std::max(told, 1.0), of_force = std::log(varied.force_n / found.force_n) / kVary;
+  const double mean = sum / std::max(observed, 1.0), of_force = std::log(varied.force_n / found.force_n) / kVary;
   const CellGrid& cells = found.tissue->cells();
-  const double squares = found.measured.told.dot((by.array() - mean).square().matrix()) * cells.spacing_m *
+  const double squares = found.measured.observed.dot((by.array() - mean).square().matrix()) * cells.spacing_m *
                          cells.row_m / kAlikeM2;
   by.array() -= absolute ? of_force : mean;
   return by / std::sqrt(squares / squared(found.rest) + 1 / squared(usual));
@@ -138,14 +138,14 @@ ProbeFitter::Kept& ProbeFitter::kept(const ProbeFace& face, bool block) {
   if (kept_ && kept_->face == face && kept_->block == block) return *kept_;
   kept_.reset();
   Kept made{face, block, block ? make_probed_block(face, *strips_) : make_probed_solid(queue_, face), {}, {}};
-  look();
+  check_cancelled();
   made.level = made.tissue->push_homogeneous();
   kept_ = std::move(made);
   return *kept_;
 }
 
 ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block, const VectorXd* by_tilt) {
-  look();
+  check_cancelled();
   ProbeFit out;
   Kept& kept = this->kept(face, block);
   out.tissue = kept.tissue, out.face = face, out.top_m = pair.top_m;
@@ -161,12 +161,12 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block,
   const double typical = median(strained);
   VectorXd residual = VectorXd::Zero(out.homogeneous.size());
   for (Index c = 0; c < out.homogeneous.size(); ++c) {
-    double& told = out.measured.told[c];
+    double& observed = out.measured.observed[c];
     if (cells.y_m(static_cast<std::size_t>(c)) < kNearFieldM || out.homogeneous[c] < kTold * typical)
-      told = 0;
+      observed = 0;
     if (!alike)
       out.by_tilt[c] = out.homogeneous[c] > 0 ? (out.by_tilt[c] / out.homogeneous[c] - 1) / kTiltStep : 0;
-    if (!(told > 0)) continue;
+    if (!(observed > 0)) continue;
     residual[c] = std::log(out.homogeneous[c]) - out.measured.log_strain[c];
     ratios.push_back(-kept.level.lateral_strain[c] / kept.level.axial_strain[c]);
   }
@@ -174,12 +174,12 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block,
     throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
   out.lateral_ratio = median(ratios), out.force_n = kept.level.force_n;
   out.common_log = block || face.goes_on() ? kCommonLog : kCommonLogOfSides;
-  const StrainFit strain = fit_strain(residual, out.measured.told, out.by_tilt);
+  const StrainFit strain = fit_strain(residual, out.measured.observed, out.by_tilt);
   out.rest = strain.rest, out.tilt = strain.tilt;
   VectorXd depth(residual.size());  // in images, from the middle of one
   for (Index c = 0; c < depth.size(); ++c)
     depth[c] = cells.y_m(static_cast<std::size_t>(c)) / face.image_depth_m - 0.5;
-  const StrainFit graded = fit_strain(residual, out.measured.told, out.by_tilt, depth);
+  const StrainFit graded = fit_strain(residual, out.measured.observed, out.by_tilt, depth);
   out.grading = graded.grading, out.graded_rest = graded.rest;
   out.level = strain.level;
   return out;

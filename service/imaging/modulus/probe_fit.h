@@ -26,7 +26,7 @@ struct ProbeFit {
   CellStrains measured;
   Eigen::VectorXd homogeneous;  // strain of the cells as measured, > 0 where it is compression, per metre
   Eigen::VectorXd by_tilt;      // d ln(strain) of the cells per unit of tilt
-  double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are told
+  double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are observed
   // Of ln E of the cells, for each thing that was fitted: what one standard deviation of it changes.
   std::vector<Eigen::VectorXd> changes;
   double common_log = 0;  // of ln E: the mesh, and what the tissue does at its sides

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/solid/solid_solver.h"
 
@@ -214,7 +214,7 @@ class ProbedSolid : public ProbedTissue {
           std::min(kMinPeriod * grid.y_m.back(),
                    static_cast<double>(kMaxWide) * std::min(grid.spacing_x_m, grid.spacing_z_m));
       const auto wide = wide_surface(grid, layers, tissue_.poisson_ratio, period_m);
-      look();
+      check_cancelled();
       force_share_ = force_of(solver_.row()->layered, patch_, grid.nx, grid.nz) /
                      force_of(wide, patch_, grid.nx, grid.nz);
     }
@@ -228,7 +228,7 @@ class ProbedSolid : public ProbedTissue {
     const std::vector<Between> places = places_of(log_modulus, planes);
     std::vector<double> row(grid.nx);
     for (std::size_t j = 0; j < grid.layers(); ++j) {
-      look();
+      check_cancelled();
       const Index first = static_cast<Index>(std::min(j, cells_.rows - 1)) * columns;
       for (std::size_t k = 0; k < grid.nz; ++k) {
         const Between& at = places[k];

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 
@@ -43,9 +43,9 @@ ModulusProblem::ModulusProblem(StripModel& model, DisplacementData data, VectorX
 ModulusProblem::Point ModulusProblem::at(VectorXd theta) {
   Point p{std::move(theta), {}, {}, 0};
   p.response = model_.solve(modulus(p.theta));
-  look();
+  check_cancelled();
   p.fit = data_.fit(p.response.displacement);
-  look();
+  check_cancelled();
   const VectorXd off = p.theta - prior_;
   p.objective = p.fit.misfit + options_.tv_per_m * variation_.value(p.theta) +
                 0.5 * off.dot(prior_weight_.cwiseProduct(off));
@@ -60,11 +60,11 @@ VectorXd ModulusProblem::gradient(const Point& p) {
 VectorXd ModulusProblem::step(const Point& p) {
   const std::vector<double> e = modulus(p.theta);
   const Eigen::SparseMatrix<double> lagged = options_.tv_per_m * variation_.lagged(p.theta);
-  look();
+  check_cancelled();
   VectorXd r = -gradient(p);
   Eigen::SparseMatrix<double> near = lagged;
   near.diagonal() += prior_weight_ + typical_data_weight(p);
-  look();
+  check_cancelled();
   if (!preconditioner_.analyzed())
     preconditioner_.analyze(near, nested_dissection(model_.grid().nx() - 1, model_.grid().ny() - 1));
   if (!preconditioner_.factorize(near))
@@ -74,7 +74,7 @@ VectorXd ModulusProblem::step(const Point& p) {
   double rz = r.dot(z);
   const double enough = options_.inner_tolerance * options_.inner_tolerance * rz;
   for (int k = 0; k < options_.max_products && rz > enough; ++k) {
-    look();
+    check_cancelled();
     const VectorXd h = lagged * d + prior_weight_.cwiseProduct(d) + adjoint(p, e, forward(p, e, d));
     const double dh = d.dot(h), length = rz / dh;
     products_.push_back({d, h, dh});

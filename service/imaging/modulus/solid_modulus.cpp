@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/cell_strains.h"
 #include "service/imaging/modulus/judge.h"
 #include "service/imaging/modulus/modulus.h"
@@ -28,7 +28,7 @@ using Eigen::VectorXd;
 constexpr double kModelLog = 0.05;  // of ln(strain) of a cell: what no such model explains
 // A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
 constexpr double kOverstep = 1.4;
-constexpr double kUntoldLog = 0.6931;   // ln 2: of what no strain tells
+constexpr double kUnobservedLog = 0.6931;   // ln 2: of what no strain tells
 constexpr double kTiltLog = 0.25;       // of the tilt: the tissue's own ramp may look like it
 constexpr double kRangeLog = 3;         // of ln E about the background
 constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
@@ -53,7 +53,7 @@ TissueGrid mesh_of(const CellGrid& cells) {
   return grid;
 }
 
-// What a modulus that is told cell by cell, with weights, and total variation agree on.
+// What a modulus that is observed cell by cell, with weights, and total variation agree on.
 class Denoiser {
  public:
   Denoiser(const CellGrid& cells, const SolidModulusOptions& options)
@@ -62,10 +62,10 @@ class Denoiser {
         variation_(grid_, options.tv_floor_per_m),
         order_(nested_dissection(cells.columns, cells.rows)) {}
   // From `v` on, by lagged diffusivity.
-  VectorXd operator()(const VectorXd& told, const VectorXd& weight, VectorXd v) {
+  VectorXd operator()(const VectorXd& observed, const VectorXd& weight, VectorXd v) {
     for (int step = 0; step < kLagged; ++step) {
       factorize(weight, v);
-      v = factor_.solve(weight.cwiseProduct(told));
+      v = factor_.solve(weight.cwiseProduct(observed));
     }
     return v;
   }
@@ -79,7 +79,7 @@ class Denoiser {
   static constexpr int kLagged = 5;
   static constexpr double kMinWeight = 1e-6;  // so that a map of nothing has an answer
   void factorize(const VectorXd& weight, const VectorXd& v) {
-    look();
+    check_cancelled();
     Eigen::SparseMatrix<double> matrix = options_.tv_per_m * variation_.lagged(v);
     matrix.diagonal() += (weight.array() + kMinWeight).matrix();
     if (!factor_.analyzed()) factor_.analyze(matrix, order_);
@@ -148,12 +148,12 @@ class SolidModulusMethod : public ModulusMethod {
   };
 
   double mean_strain(const Measured& m) const {
-    std::vector<float> told;
+    std::vector<float> observed;
     for (std::size_t n = 0; n < m.grid.size(); ++n)
-      if (m.strain_valid[n]) told.push_back(m.axial_strain[n]);
-    if (told.empty())
+      if (m.strain_valid[n]) observed.push_back(m.axial_strain[n]);
+    if (observed.empty())
       throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
-    const double mean = median(told);
+    const double mean = median(observed);
     if (!(std::abs(mean) >= options_.min_strain))
       throw NoCompression(
           fmt::format("the median axial strain is {:.3g} %, less than {:.3g} %: press further "
@@ -172,13 +172,13 @@ class SolidModulusMethod : public ModulusMethod {
         cells.spacing_m * cells.row_m / (options_.strain.kernel_axial_m * options_.strain.kernel_lateral_m);
     VectorXd weight = VectorXd::Zero(size);
     for (Index c = 0; c < size; ++c)
-      if (fit.measured.told[c] > 0)
+      if (fit.measured.observed[c] > 0)
         weight[c] = share / (std::pow(fit.measured.deviation[c], 2) + kModelLog * kModelLog);
     Denoiser denoise(cells, options_);
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;
     double tilt = 0, tilt_deviation = 0, took_s = 0;
-    VectorXd told = weight, moved = VectorXd::Zero(size);
+    VectorXd observed = weight, moved = VectorXd::Zero(size);
     const auto solves_after = [&] {  // those of the force
       return theta.maxCoeff() > kStiffLog ? 2 : in.force ? 1 : 0;
     };
@@ -192,28 +192,28 @@ class SolidModulusMethod : public ModulusMethod {
                                             out.iterations)});
         break;
       }
-      look();
+      check_cancelled();
       const auto response = fit.tissue->push(theta, tilt, beside);
       const VectorXd strain = -as_measured(response.axial_strain, cells, options_.strain);
       VectorXd residual = VectorXd::Zero(size);
-      told = weight;
+      observed = weight;
       for (Index c = 0; c < size; ++c)
         if (!(strain[c] > 0))
-          told[c] = 0;
-        else if (told[c] > 0)
+          observed[c] = 0;
+        else if (observed[c] > 0)
           residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
-      if (!(told.maxCoeff() > 0))
+      if (!(observed.maxCoeff() > 0))
         throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
-      const StrainFit at = fit_strain(theta + residual, told, fit.by_tilt);
+      const StrainFit at = fit_strain(theta + residual, observed, fit.by_tilt);
       const double before = tilt;
       tilt = std::clamp(tilt + at.tilt, -kMaxTilt, kMaxTilt);
       tilt_deviation = at.tilt_deviation * std::sqrt(kAlikeM2 / (cells.spacing_m * cells.row_m));
       residual += (tilt - before) * fit.by_tilt;
-      const double level = level_of(residual, told);
+      const double level = level_of(residual, observed);
       const VectorXd pseudo =
           (theta + kOverstep * (residual.array() - level).matrix()).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
       const bool first = out.iterations == 0;
-      VectorXd next = denoise(pseudo, told / kOverstep, first ? VectorXd(filled(pseudo, told)) : theta);
+      VectorXd next = denoise(pseudo, observed / kOverstep, first ? VectorXd(filled(pseudo, observed)) : theta);
       moved = next - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       theta = std::move(next);
@@ -229,9 +229,9 @@ class SolidModulusMethod : public ModulusMethod {
                        "touch in part, and the modulus is off by a factor; press it flat",
                        100 * std::abs(tilt), tilt > 0 ? "left" : "right")});
     const bool stiff = theta.maxCoeff() > kStiffLog;
-    if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, told, beside);
+    if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, observed, beside);
     if (stiff) {
-      const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, told, beside);
+      const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, observed, beside);
       if (found.force_n > kMaxOfStiff * without_n)
         out.warnings.push_back(
             {ModulusFlag::kMisfit,
@@ -243,7 +243,7 @@ class SolidModulusMethod : public ModulusMethod {
                  100 * static_cast<double>((theta.array() > kStiffLog).count()) /
                      static_cast<double>(theta.size()))});
     }
-    found.deviation = denoise.deviation(told, theta);
+    found.deviation = denoise.deviation(observed, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
     double all_own = 0, all_common = 0;
@@ -252,9 +252,9 @@ class SolidModulusMethod : public ModulusMethod {
              common = fit.common_log * fit.common_log + std::pow(of_tilt * fit.by_tilt[c], 2);
       if (!out.converged) own += std::pow(kUnsettledLog * moved[c], 2);
       for (const VectorXd& change : fit.changes) common += change[c] * change[c];
-      if (told[c] > 0) all_own += own, all_common += common;
+      if (observed[c] > 0) all_own += own, all_common += common;
       found.deviation[c] = std::sqrt(own + common);
-      if (!(told[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kUntoldLog);
+      if (!(observed[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kUnobservedLog);
     }
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
     return found;
@@ -267,39 +267,39 @@ class SolidModulusMethod : public ModulusMethod {
     ProbedTissue::Planes planes;
     for (const SliceBeside& slice : in.beside) {
       if (std::abs(slice.offset_m) < fit.tissue->nearest_plane_m()) continue;
-      look();
-      VectorXd logarithm = VectorXd::Zero(static_cast<Index>(cells.size())), told = logarithm;
+      check_cancelled();
+      VectorXd logarithm = VectorXd::Zero(static_cast<Index>(cells.size())), observed = logarithm;
       for (std::size_t c = 0; c < cells.size(); ++c) {
         const double modulus_pa = slice.modulus_pa(cells.x_m(c), cells.y_m(c) + fit.top_m);
         if (!(modulus_pa > 0 && std::isfinite(modulus_pa))) continue;
-        logarithm[static_cast<Index>(c)] = std::log(modulus_pa), told[static_cast<Index>(c)] = 1;
+        logarithm[static_cast<Index>(c)] = std::log(modulus_pa), observed[static_cast<Index>(c)] = 1;
       }
-      if (!(told.maxCoeff() > 0)) continue;
-      logarithm = ((logarithm.array() - level_of(logarithm, told)) * told.array()).matrix();
+      if (!(observed.maxCoeff() > 0)) continue;
+      logarithm = ((logarithm.array() - level_of(logarithm, observed)) * observed.array()).matrix();
       planes.push_back({slice.offset_m, logarithm.cwiseMax(-kRangeLog).cwiseMin(kRangeLog)});
     }
     return planes;
   }
 
   // On the probe, N: of the push that leaves as much strain as was measured.
-  double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& told,
+  double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& observed,
                     const ProbedTissue::Planes& beside) const {
     const auto response = fit.tissue->push(theta, tilt, beside);
     const VectorXd strain = -as_measured(response.axial_strain, fit.tissue->cells(), options_.strain);
     VectorXd residual = VectorXd::Zero(theta.size());
     for (Index c = 0; c < theta.size(); ++c)
-      if (told[c] > 0 && strain[c] > 0) residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
-    return response.force_n * std::exp(-level_of(residual, told)) / fit.tissue->force_share();
+      if (observed[c] > 0 && strain[c] > 0) residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
+    return response.force_n * std::exp(-level_of(residual, observed)) / fit.tissue->force_share();
   }
 
-  static VectorXd filled(const VectorXd& v, const VectorXd& told) {
-    return (told.array() > 0).select(v, 0.0);
+  static VectorXd filled(const VectorXd& v, const VectorXd& observed) {
+    return (observed.array() > 0).select(v, 0.0);
   }
 
-  static double level_of(const VectorXd& residual, const VectorXd& told) {
+  static double level_of(const VectorXd& residual, const VectorXd& observed) {
     std::vector<double> values;
     for (Index c = 0; c < residual.size(); ++c)
-      if (told[c] > 0) values.push_back(residual[c]);
+      if (observed[c] > 0) values.push_back(residual[c]);
     return median(values);
   }
 
@@ -310,7 +310,7 @@ class SolidModulusMethod : public ModulusMethod {
     out.youngs_modulus.assign(image.size(), std::numeric_limits<float>::quiet_NaN());
     out.log_deviation = out.youngs_modulus;
     for (std::size_t n = 0; n < image.size(); ++n) {
-      if (n % image.nx == 0) look();
+      if (n % image.nx == 0) check_cancelled();
       const double y_m = image.y_m(n) - fit.top_m;
       if (!in.measured.displacement_valid[n] || y_m < 0 || y_m > fit.face.depth_m) continue;
       out.youngs_modulus[n] =

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 
@@ -16,7 +16,7 @@ class Work {
     done_ += multiply_adds;
     if (done_ < kMax) return;
     done_ = 0;
-    look();
+    check_cancelled();
   }
 
  private:
@@ -56,9 +56,9 @@ std::vector<int> nested_dissection(std::size_t nx, std::size_t ny) {
 // The upper half of the matrix in the order of elimination.
 SparseFactor::Sparse SparseFactor::ordered(const Sparse& a) const {
   Sparse upper(a.cols(), a.cols());
-  look();
+  check_cancelled();
   upper.selfadjointView<Eigen::Upper>() = a.selfadjointView<Eigen::Lower>().twistedBy(place_);
-  look();
+  check_cancelled();
   return upper;
 }
 

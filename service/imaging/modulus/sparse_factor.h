@@ -1,4 +1,4 @@
-// A sparse Cholesky factor L L^T that looks up meanwhile (service/device/look.h), row by row as Eigen's
+// A sparse Cholesky factor L L^T that looks up meanwhile (service/device/cancellation.h), row by row as Eigen's
 // SimplicialLLT: at the limits it takes seconds, and Eigen's cannot be left before its end. The order of a
 // rectangle of cells is nested dissection: it takes no time, and at the limits the factor has a third of the
 // operations that Eigen's minimum degree leaves it with.

@@ -22,11 +22,11 @@ constexpr double kMinRest = 0.02;
 
 StrainFit fit_strain(const VectorXd& residual, const VectorXd& weight, const VectorXd& by_tilt,
                      const VectorXd& depth) {
-  std::vector<double> told;
+  std::vector<double> used;
   for (Index c = 0; c < residual.size(); ++c)
-    if (weight[c] > 0) told.push_back(residual[c]);
+    if (weight[c] > 0) used.push_back(residual[c]);
   StrainFit out;
-  out.level = median(told), out.rest = kTextureLog;
+  out.level = median(used), out.rest = kTextureLog;
   Eigen::Matrix3d normal;
   for (int k = 0; k < kReweighted; ++k) {
     // Cauchy's weights: lumps are left out.

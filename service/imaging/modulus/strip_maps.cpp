@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/strip_model.h"
 #include "service/imaging/tracking/median.h"
 
@@ -19,7 +19,7 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 void spread(std::vector<double>& values, std::vector<int>& counts, std::size_t nx, std::size_t ny) {
   for (bool missing = true, found = true; missing && found;) {
     missing = found = false;
-    look();
+    check_cancelled();
     const std::vector<int> before = counts;
     for (std::size_t n = 0; n < nx * ny; ++n) {
       if (before[n]) continue;
@@ -63,7 +63,7 @@ Position between_centres(const std::vector<double>& coordinates, double at) {
 Field StripModel::on_image(const std::vector<double>& element_values, const ImageGrid& image) const {
   Field field(image.size(), std::numeric_limits<float>::quiet_NaN());
   for (std::size_t j = 0; j < image.ny; ++j) {
-    look();
+    check_cancelled();
     const double y = image.origin_y_m + static_cast<double>(j) * image.dy_m;
     if (y > grid_.y_m.back()) continue;
     const Position v = between_centres(grid_.y_m, y);
@@ -89,7 +89,7 @@ StripModel::WindowMap StripModel::window_map(const Field& youngs_modulus, const 
   map.logarithm.assign(nx * ny, 0.0);
   std::vector<int> counts(nx * ny, 0);
   for (std::size_t n = 0; n < image.size(); ++n) {
-    if (n % image.nx == 0) look();
+    if (n % image.nx == 0) check_cancelled();
     const double y = image.y_m(n);
     if (!std::isfinite(youngs_modulus[n]) || y > grid_.y_m.back()) continue;
     const double x = image.x_m(n);
@@ -115,15 +115,15 @@ std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const I
   const double right = known ? std::exp(matching_shift(known, false, map)) : 1;
   std::vector<double> out(grid_.elements());
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
-    look();
+    check_cancelled();
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const double x = 0.5 * (grid_.x_m[i] + grid_.x_m[i + 1]), y = 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]);
       const bool beside = x < 0 || x > window_width_m_;
-      const double told = beside && known ? known_over_element(known, i, y) : kUnknown;
+      const double stated = beside && known ? known_over_element(known, i, y) : kUnknown;
       const double mirrored = x < 0 ? -x : x > window_width_m_ ? 2 * window_width_m_ - x : x;
       const bool near =
           std::abs(mirrored - x) <= 2 * kMirrorM && mirrored >= 0 && mirrored <= window_width_m_;
-      out[grid_.element(i, j)] = std::isfinite(told) ? told * (x < 0 ? left : right)
+      out[grid_.element(i, j)] = std::isfinite(stated) ? stated * (x < 0 ? left : right)
                                  : near              ? std::exp(logarithm_at(map, mirrored, j))
                                                      : background;
     }
@@ -139,8 +139,8 @@ double StripModel::known_over_element(const KnownModulus& known, std::size_t col
   double sum = 0;
   int count = 0;
   for (int k = 0; k < samples; ++k) {
-    const double told = known(window_x_m_ + begin + width * (k + 0.5) / samples, y_m);
-    if (told > 0 && std::isfinite(told)) sum += std::log(told), ++count;
+    const double stated = known(window_x_m_ + begin + width * (k + 0.5) / samples, y_m);
+    if (stated > 0 && std::isfinite(stated)) sum += std::log(stated), ++count;
   }
   return count > 0 ? std::exp(sum / count) : kUnknown;
 }
@@ -155,8 +155,8 @@ double StripModel::matching_shift(const KnownModulus& known, bool left, const Wi
       const double distance = (k + 0.5) * kSampleM;
       const double outside = left ? -distance : window_width_m_ + distance;
       const double inside = left ? distance : window_width_m_ - distance;
-      const double told = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));
-      if (told > 0 && std::isfinite(told)) shifts.push_back(logarithm_at(map, inside, j) - std::log(told));
+      const double stated = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));
+      if (stated > 0 && std::isfinite(stated)) shifts.push_back(logarithm_at(map, inside, j) - std::log(stated));
     }
   return median(shifts);
 }

@@ -14,7 +14,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/tissue/element.h"
 
 namespace teletact::service {
@@ -119,7 +119,7 @@ void StripModel::lay_out() {
   stiffness_.resize(unknown_count_, unknown_count_);
   stiffness_.reserve(Eigen::VectorXi::Constant(unknown_count_, 18));
   for (std::size_t j = 0; j < grid_.ny(); ++j) {
-    look();
+    check_cancelled();
     for (std::size_t i = 0; i < grid_.nx(); ++i)
       for (const std::size_t own : {2 * grid_.node(i, j), 2 * grid_.node(i, j) + 1}) {
         if (unknown_[own] < 0) continue;
@@ -129,11 +129,11 @@ void StripModel::lay_out() {
               if (unknown_[other] >= 0) stiffness_.insert(unknown_[other], unknown_[own]) = 0;
       }
   }
-  look();
+  check_cancelled();
   stiffness_.makeCompressed();
   slot_.reserve(64 * grid_.elements());
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
-    look();
+    check_cancelled();
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const auto dofs = element_dofs(grid_, i, j);
       for (const std::size_t r : dofs)
@@ -153,7 +153,7 @@ void StripModel::fill(const std::vector<double>& youngs_modulus_pa) {
   load_.setZero(unknown_count_);
   const int* slot = slot_.data();
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
-    look();
+    check_cancelled();
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const auto dofs = element_dofs(grid_, i, j);
       const double modulus = youngs_modulus_pa[grid_.element(i, j)];
@@ -185,7 +185,7 @@ StripResponse StripModel::solve(const std::vector<double>& youngs_modulus_pa) {
   out.stress.resize(grid_.elements());
   const double height = grid_.y_m[1] - grid_.y_m[0];
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j) {
-    look();
+    check_cancelled();
     for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
       const auto dofs = element_dofs(grid_, i, j);
       const Vector8 u = gather(out.displacement, dofs);
@@ -203,7 +203,7 @@ double StripModel::log_force_slope(const StripResponse& homogeneous) const {
   const double step = kPoissonStep * (0.5 - stated_poisson_ratio_), height = grid_.y_m[1] - grid_.y_m[0];
   double change = 0;
   for (std::size_t i = 0; i + 1 < grid_.nx(); ++i) {
-    look();
+    check_cancelled();
     const auto stiffness = [&](double nu) {
       const InPlaneStrain e = in_plane_strain(plane_, nu);
       return element_stiffness(grid_.x_m[i + 1] - grid_.x_m[i], height, e.modulus, e.poisson_ratio);
@@ -229,7 +229,7 @@ void StripModel::pull(const StripResponse& at, std::size_t element, double chang
 std::vector<double> StripModel::change(const StripResponse& at, const std::vector<double>& change_pa) {
   std::vector<double> force(grid_.dofs(), 0.0);
   for (std::size_t e = 0; e < change_pa.size(); ++e) {
-    if (e % kElementsAtOnce == 0) look();
+    if (e % kElementsAtOnce == 0) check_cancelled();
     if (change_pa[e] != 0) pull(at, e, change_pa[e], [&](std::size_t dof, double f) { force[dof] += f; });
   }
   return back_substituted(force);
@@ -252,7 +252,7 @@ std::vector<double> StripModel::products(const std::vector<double>& a, const std
   std::vector<double> out(grid_.elements());
   for (std::size_t e = 0; e < out.size(); ++e) {
     const std::size_t i = e % (grid_.nx() - 1), j = e / (grid_.nx() - 1);
-    if (e % kElementsAtOnce == 0) look();
+    if (e % kElementsAtOnce == 0) check_cancelled();
     const auto dofs = element_dofs(grid_, i, j);
     out[e] = gather(a, dofs).dot(element_[i] * gather(b, dofs));
   }

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -55,7 +55,7 @@ Eigen::SparseMatrix<double> TotalVariation::lagged(const Eigen::VectorXd& v) con
     entries.emplace_back(p, q, -weight), entries.emplace_back(q, p, -weight);
   };
   for (std::size_t j = 0; j < ny_; ++j) {
-    look();
+    check_cancelled();
     for (std::size_t i = 0; i < nx_; ++i) {
       const double weight = area(i, j) / gradient(v, i, j).size;
       const std::size_t e = i + nx_ * j;
@@ -65,7 +65,7 @@ Eigen::SparseMatrix<double> TotalVariation::lagged(const Eigen::VectorXd& v) con
   }
   const auto size = static_cast<Eigen::Index>(nx_ * ny_);
   Eigen::SparseMatrix<double> matrix(size, size);
-  look();
+  check_cancelled();
   matrix.setFromTriplets(entries.begin(), entries.end());
   return matrix;
 }

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/tissue/elasticity.h"
 
 namespace teletact::service {
@@ -53,7 +53,7 @@ WindowNodes::WindowNodes(const StripModel& model)
 Field WindowNodes::on_image(const std::vector<double>& values, const ImageGrid& image) const {
   Field out(image.size(), std::numeric_limits<float>::quiet_NaN());
   for (std::size_t n = 0; n < image.size(); ++n) {
-    if (n % image.nx == 0) look();
+    if (n % image.nx == 0) check_cancelled();
     const double x = image.x_m(n) / dx_m;
     const double y = image.y_m(n) / dy_m;
     if (y > static_cast<double>(ny - 1)) continue;
@@ -75,7 +75,7 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const Measured& measured, Slo
   const double whole = reach.x_m * reach.y_m / (image.dx_m * image.dy_m);
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     const std::size_t row = n / nodes.nx;
-    if (n % nodes.nx == 0) look();
+    if (n % nodes.nx == 0) check_cancelled();
     const double x = static_cast<double>(n % nodes.nx) * nodes.dx_m,
                  y = static_cast<double>(row) * nodes.dy_m;
     const Span columns = span(x, reach.x_m, image.origin_x_m, image.dx_m, image.nx),
@@ -118,7 +118,7 @@ ModelState model_state(const StripModel& model, const StripResponse& response,
   const std::size_t begin = model.first_column() > 0 ? model.first_column() - 1 : 0;
   const std::size_t end = std::min(model.last_column() + 1, g.nx() - 1);
   for (std::size_t j = 0; j + 1 < g.ny(); ++j) {
-    look();
+    check_cancelled();
     for (std::size_t i = begin; i < end; ++i) {
       const double* upper = &response.displacement[2 * g.node(i, j)];
       const double* lower = &response.displacement[2 * g.node(i, j + 1)];

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/tracking/sample_grid.h"
 #include "service/imaging/tracking/work_group.h"
 
@@ -72,7 +72,7 @@ BMode BModeImager::image(const RfFrame& frame, const AcquisitionGeometry& geomet
   BMode out{{lines, rows, geometry.line_pitch_m / 2, geometry.first_sample_depth_m + (height_m - pitch_m) / 2,
              geometry.line_pitch_m, height_m},
             compressed(queue_.read(means))};
-  look();
+  check_cancelled();
   return out;
 }
 

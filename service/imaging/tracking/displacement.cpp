@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/tracking/interpolation.h"
 #include "service/imaging/tracking/search.h"
 #include "service/imaging/tracking/work_group.h"
@@ -244,7 +244,7 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
   queue_.write(w.frames.post, padded(post, w.pad).data(), w.pad.total);
   w.matched = false;
   search();
-  look();
+  check_cancelled();
   refine();
   return w.found;
 }

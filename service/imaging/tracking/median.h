@@ -1,11 +1,11 @@
-// The median of very many values: it looks up meanwhile (service/device/look.h).
+// The median of very many values: it looks up meanwhile (service/device/cancellation.h).
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 
@@ -17,7 +17,7 @@ double median(std::vector<T>& values) {
   auto first = values.begin(), last = values.end();
   const auto middle = first + static_cast<std::ptrdiff_t>(values.size() / 2);
   while (last - first > kAtOnce) {
-    look();
+    check_cancelled();
     const T pivot = first[(last - first) / 2];
     const auto equal = std::partition(first, last, [pivot](T v) { return v < pivot; });
     const auto above = std::partition(equal, last, [pivot](T v) { return !(pivot < v); });

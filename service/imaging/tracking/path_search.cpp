@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <limits>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -22,7 +22,7 @@ class Aggregator {
     grow(costs_, nodes * static_cast<std::size_t>(stride_), std::numeric_limits<float>::infinity());
     grow(sum_, costs_.size());
     for (std::size_t node = 0; node < nodes; ++node) {
-      if (node % static_cast<std::size_t>(v.nx) == 0) look();
+      if (node % static_cast<std::size_t>(v.nx) == 0) check_cancelled();
       for (std::size_t d = 0; d < static_cast<std::size_t>(lags_); ++d)
         costs_[node * static_cast<std::size_t>(stride_) + d] =
             1 - v.correlation[node * static_cast<std::size_t>(lags_) + d];
@@ -31,7 +31,7 @@ class Aggregator {
 
   // Along one line of nodes: first, first + step, ...
   void along(int first, int step, int count, int reach) {
-    look();
+    check_cancelled();
     // `reach` cells of infinity on both sides stand for lags that do not exist.
     const auto size = static_cast<std::size_t>(stride_) + 2 * static_cast<std::size_t>(reach);
     before_.assign(size, std::numeric_limits<float>::infinity());
@@ -106,7 +106,7 @@ std::vector<float> find_paths(const LagVolume& v, int reach_down, int reach_acro
   std::vector<float> path;
   path.reserve(static_cast<std::size_t>(v.nx) * static_cast<std::size_t>(v.ny));
   for (int node = 0; node < v.nx * v.ny; ++node) {
-    if (node % v.nx == 0) look();
+    if (node % v.nx == 0) check_cancelled();
     path.push_back(best_lag(aggregate.sum(node), v.lag_count));
   }
   return path;

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -21,7 +21,7 @@ void check_samples(const RfFrame& frame, const char* name) {
            std::to_string(frame.sample_count) + " samples x " + std::to_string(frame.line_count) +
            " lines; send the whole frame");
   for (std::size_t n = 0; n < frame.samples.size(); ++n) {
-    if (n % frame.sample_count == 0) look();
+    if (n % frame.sample_count == 0) check_cancelled();
     if (!std::isfinite(frame.samples[n]))
       refuse(std::string(name) + ".samples: not a finite number at sample " +
              std::to_string(n % frame.sample_count) + " of line " + std::to_string(n / frame.sample_count) +
@@ -116,7 +116,7 @@ std::vector<float> padded(const RfFrame& frame, const Padding& p) {
   grow(out, p.total);
   const float offset = converter_offset(frame);
   for (std::size_t l = 0; l < frame.line_count; ++l) {
-    look();
+    check_cancelled();
     const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count);
     std::transform(line, line + static_cast<std::ptrdiff_t>(frame.sample_count),
                    out.begin() + p.layout.origin + static_cast<std::ptrdiff_t>(l) * p.layout.stride,

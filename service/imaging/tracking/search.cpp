@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/tracking/path_search.h"
 #include "service/imaging/tracking/work_group.h"
 
@@ -149,7 +149,7 @@ void Search::coarse(SearchKernels& kernels, const Array<float>& pre, const Array
   kernels.best_lateral(over(g.nodes() * lags.chunks), coarse_volume_, best_lateral_, g.nodes(), lags.chunks,
                        lags.laterals);
   const LagVolume volume{g.nx, g.ny, 8 * lags.chunks, queue_.read(best_lateral_)};
-  look();
+  check_cancelled();
   const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
     return static_cast<int>(std::ceil(plan_.max_strain * length_m / plan_.sample_pitch_m)) + 1;
   };

@@ -48,7 +48,7 @@ bool touch_open(Bytes bytes) {
   const auto touched = scene(first->open().scene_id() == "solid");
   std::optional<TouchStream> stream;
   if (!accepted<std::invalid_argument, Error>(
-          [&] { stream.emplace(touched, wishes_from(first->open()), no_device); }))
+          [&] { stream.emplace(touched, stream_options_from(first->open()), no_device); }))
     return false;
   check(*stream, touched->limits());
   while (const auto next = requests.next<v1::TouchRequest>()) {

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/device/look.h"
+#include "service/device/cancellation.h"
 
 namespace teletact::service {
 namespace {
@@ -104,7 +104,7 @@ TEST(SparseFactor, LooksUpAsOftenAsItsWorkGrows) {
     const Sparse a = grid(n);
     int count = 0;
     SparseFactor factor;
-    const Looking looking([&] { ++count; });
+    const CancellationCheck check([&] { ++count; });
     factor.analyze(a, nested_dissection(static_cast<std::size_t>(n), static_cast<std::size_t>(n)));
     EXPECT_TRUE(factor.factorize(a));
     const int made = count;
@@ -123,7 +123,7 @@ TEST(SparseFactor, IsLeftWhenItIsLookedAfterAndCanBeMadeAgain) {
   factor.analyze(a, nested_dissection(120, 120));
   int looks = 0;
   {
-    const Looking looking([&] {
+    const CancellationCheck check([&] {
       if (++looks == 3) throw std::runtime_error("left");  // two while it puts the matrix in order
     });
     EXPECT_THROW(factor.factorize(a), std::runtime_error);

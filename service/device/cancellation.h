@@ -1,5 +1,5 @@
 // Long work looks up now and then: whether it is to end, or to let others have their turn. Who wants to be
-// asked puts a Looking on the thread; on a thread without one (a touch stream's) a look does nothing.
+// asked puts a CancellationCheck on the thread; on a thread without one (a touch stream's) a look does nothing.
 #pragma once
 
 #include <algorithm>
@@ -9,25 +9,25 @@
 
 namespace teletact::service {
 
-// Called by every look() of the thread while it lives, before those put there earlier. It may wait; what it
+// Called by every check_cancelled() of the thread while it lives, before those put there earlier. It may wait; what it
 // throws ends the work.
-class Looking {
+class CancellationCheck {
  public:
-  explicit Looking(std::function<void()>);
-  ~Looking();
-  Looking(const Looking&) = delete;
-  Looking& operator=(const Looking&) = delete;
+  explicit CancellationCheck(std::function<void()>);
+  ~CancellationCheck();
+  CancellationCheck(const CancellationCheck&) = delete;
+  CancellationCheck& operator=(const CancellationCheck&) = delete;
 
  private:
-  friend void look();
+  friend void check_cancelled();
   const std::function<void()> look_;
-  const Looking* const before_;
+  const CancellationCheck* const before_;
 };
 
 // At most 50 ms of work lie between two looks, but where documented.
-void look();
+void check_cancelled();
 // Whether somebody looks on this thread.
-bool looked_after();
+bool is_cancellable();
 
 // Items are added up to `size`, a million at once: the first touch of fresh memory takes as long as to fill
 // it.
@@ -36,7 +36,7 @@ void grow(std::vector<T>& items, std::size_t size, const T& value = {}) {
   constexpr std::size_t kAtOnce = std::size_t{1} << 20;
   items.reserve(size);
   while (items.size() < size) {
-    look();
+    check_cancelled();
     items.resize(std::min(size, items.size() + kAtOnce), value);
   }
 }

@@ -1,4 +1,4 @@
-#include "service/touch_plane/onlooker.h"
+#include "service/touch_plane/observer.h"
 
 #include <algorithm>
 
@@ -8,12 +8,12 @@ namespace teletact::service {
 
 namespace {
 
-Onlooker::Clock::duration observation_period(double wished_hz, const Limits& limits) {
+Observer::Clock::duration observation_period(double wished_hz, const Limits& limits) {
   if (wished_hz == 0) wished_hz = limits.max_observe_rate_hz;
-  if (!(wished_hz >= Onlooker::kMinRateHz && wished_hz <= limits.max_observe_rate_hz))
+  if (!(wished_hz >= Observer::kMinRateHz && wished_hz <= limits.max_observe_rate_hz))
     throw std::invalid_argument(
         fmt::format("open.max_rate_hz: {} is not within [{}, {}]; leave it out for {}", wished_hz,
-                    Onlooker::kMinRateHz, limits.max_observe_rate_hz, limits.max_observe_rate_hz));
+                    Observer::kMinRateHz, limits.max_observe_rate_hz, limits.max_observe_rate_hz));
   return seconds(1 / wished_hz);
 }
 
@@ -26,19 +26,19 @@ const std::string& checked(const std::string& session_id) {
 
 }  // namespace
 
-Onlooker::Onlooker(std::shared_ptr<Scene> scene, const Wishes& wishes)
+Observer::Observer(std::shared_ptr<Scene> scene, const Options& options)
     : scene_(std::move(scene)),
-      period_(observation_period(wishes.max_rate_hz, scene_->limits())),
-      id_(scene_->observers()->join({wishes.answers, wishes.surface, checked(wishes.session_id)})) {}
+      period_(observation_period(options.max_rate_hz, scene_->limits())),
+      id_(scene_->observers()->join({options.answers, options.surface, checked(options.session_id)})) {}
 
-void Onlooker::acknowledge(std::uint64_t state) {
+void Observer::acknowledge(std::uint64_t state) {
   const std::lock_guard lock(mutex_);
-  told_.acknowledge(state);
+  sent_.acknowledge(state);
 }
 
-std::optional<Onlooker::State> Onlooker::due(Clock::time_point now, bool told, bool more) {
+std::optional<Observer::State> Observer::due(Clock::time_point now, bool sent, bool more) {
   const std::lock_guard lock(mutex_);
-  if (!told_.may_tell(now, told, scene_->limits().acknowledge_s)) return std::nullopt;
+  if (!sent_.may_tell(now, sent, scene_->limits().acknowledge_s)) return std::nullopt;
   if (now < due_) return std::nullopt;
   State state{0, scene_->finger().at(now), scene_->snapshot()->version, scene_->observers()->take(id_)};
   if (state.news.surface && state.news.surface->layer.x_m.empty()) {
@@ -47,18 +47,18 @@ std::optional<Onlooker::State> Onlooker::due(Clock::time_point now, bool told, b
   const auto steers = state.finger.present ? std::optional(state.finger.session_id) : std::nullopt;
   const bool news =
       state.news.touch || state.news.surface || more || state.scene_version != version_ || steers != steers_;
-  if (told_.count() > 0 && !news && now - told_.since() < kHeartbeat) return std::nullopt;
+  if (sent_.count() > 0 && !news && now - sent_.since() < kHeartbeat) return std::nullopt;
   if (state.news.surface) at_rest_ = state.news.surface->layer.x_m.empty();
   version_ = state.scene_version, steers_ = steers;
-  // Looked at late, it is told sooner the next time.
-  due_ = (told_.count() == 0 ? now : std::max(due_, now - period_)) + period_;
-  state.number = told_.tell(now);
+  // Looked at late, it is sent sooner the next time.
+  due_ = (sent_.count() == 0 ? now : std::max(due_, now - period_)) + period_;
+  state.number = sent_.tell(now);
   return state;
 }
 
-std::uint64_t Onlooker::count() const {
+std::uint64_t Observer::count() const {
   const std::lock_guard lock(mutex_);
-  return told_.count();
+  return sent_.count();
 }
 
 }  // namespace teletact::service
