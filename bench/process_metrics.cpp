@@ -9,7 +9,7 @@
 #include <iterator>
 
 #include "bench/suite.h"
-#include "tests/admin/metrics.h"
+#include "tests/operation/metrics.h"
 
 namespace teletact::bench {
 namespace {

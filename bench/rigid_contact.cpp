@@ -2,7 +2,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 
 namespace teletact::bench {
 namespace {

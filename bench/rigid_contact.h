@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "bench/suite.h"
-#include "service/plan/force_budget.h"
-#include "service/solid/recycled_compliance.h"
-#include "service/solid/solid_solver.h"
+#include "service/base/force_budget.h"
+#include "service/tissue/solid/recycled_compliance.h"
+#include "service/tissue/solid/solid_solver.h"
 
 namespace teletact::bench {
 

@@ -1,4 +1,4 @@
-// Layered tissue solved in Fourier space (T8.1; service/solid/layered_factor.h): along y, for WIDTH wave
+// Layered tissue solved in Fourier space (T8.1; service/tissue/solid/layered_factor.h): along y, for WIDTH wave
 // numbers kx at once. Spectra: [plane = 3 row + component][re, im][kz][pitch]. Between `layers_up` and
 // `layers_down` a spectrum holds the eliminated right-hand sides in the blocks' own basis, in which u_y is
 // multiplied with -i and, where kz stands for a negative wave number, u_z's sign is turned.

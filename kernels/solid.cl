@@ -1,11 +1,11 @@
-// Solid elasticity on hexahedra (T8) and conjugate gradients for a touched block: service/solid/solid_solver.h.
+// Solid elasticity on hexahedra (T8) and conjugate gradients for a touched block: service/tissue/solid/solid_solver.h.
 //
 // Fields: [plane = 3 row + component][z][x]. Those that K is applied to are *wide*: each row of x has WIDTH
 // numbers before and after it, the other end's, and there is one more row of nodes, the held one, of zeros.
 // Items over a field: (group of WIDTH nodes, k, plane or row).
 #include "wide.clh"
 
-// Scalars, as in service/solid/solid_solver.cpp.
+// Scalars, as in service/tissue/solid/solid_solver.cpp.
 #define RHO 0    // r . z
 #define ALPHA 1  // of this step
 #define BETA 2   // of the next direction
@@ -23,7 +23,7 @@ real sum_lanes(const vec v) {
 }
 
 // out = K d, and partial sums of d . K d, one of each item. stiffness: of each layer 24 x 24 for a modulus of
-// 1 (service/solid/hexahedron.h); modulus: [layer][z][x], wide in x. 1152 flops a node.
+// 1 (service/tissue/solid/hexahedron.h); modulus: [layer][z][x], wide in x. 1152 flops a node.
 kernel void solid_apply(global const real* restrict stiffness, global const real* restrict modulus,
                         global const real* restrict d, global real* restrict out,
                         global accum* restrict partial, const int nx, const int nz, const int layers) {

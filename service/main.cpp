@@ -21,13 +21,13 @@
 #include <thread>
 #include <vector>
 
-#include "service/admin/admin.h"
-#include "service/configuration/configuration.h"
+#include "service/base/log_formatter.h"
+#include "service/base/shown.h"
 #include "service/device/device.h"
 #include "service/device/environment.h"
-#include "service/limits/shown.h"
+#include "service/operation/admin.h"
+#include "service/operation/configuration.h"
 #include "service/rpc/server.h"
-#include "service/trace/log_formatter.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "client/acquire/frame_source.h"
-#include "disk/file_descriptor.h"
+#include "common/file_descriptor.h"
 
 namespace teletact::client {
 

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <stdexcept>
 
-#include "disk/small_file.h"
+#include "common/small_file.h"
 
 namespace teletact::client {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "disk/file_descriptor.h"
+#include "common/file_descriptor.h"
 
 namespace teletact::client {
 

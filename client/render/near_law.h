@@ -1,5 +1,5 @@
-// The part of a contact law (law/contact_law.h) that is near the finger, as the link hands it to the servo:
-// of a fixed size, copied as a whole.
+// The part of a contact law (common/contact_law.h) that is near the finger, as the link hands it to the
+// servo: of a fixed size, copied as a whole.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-#include "law/contact_law.h"
+#include "common/contact_law.h"
 
 namespace teletact::client {
 

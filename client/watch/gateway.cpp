@@ -18,8 +18,8 @@
 #include <utility>
 
 #include "client/watch/page.h"
-#include "http/host.h"
-#include "http/listener.h"
+#include "common/host.h"
+#include "common/listener.h"
 
 namespace teletact::client {
 namespace {

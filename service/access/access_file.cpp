@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "disk/small_file.h"
-#include "service/limits/shown.h"
+#include "common/small_file.h"
+#include "service/base/shown.h"
 
 namespace teletact::service {
 

@@ -7,7 +7,7 @@
 #include <set>
 #include <utility>
 
-#include "service/limits/shown.h"
+#include "service/base/shown.h"
 
 namespace teletact::service {
 

@@ -7,8 +7,8 @@
 #include <span>
 #include <utility>
 
+#include "service/base/choices.h"
 #include "service/device/device.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {

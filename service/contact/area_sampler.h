@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "law/contact_law.h"
+#include "common/contact_law.h"
 #include "service/contact/contact_laws.h"
 #include "service/contact/touch_model.h"
 

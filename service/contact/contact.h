@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
+#include "service/base/choices.h"
 #include "service/contact/touch_model.h"
-#include "service/plan/choices.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/tissue_problem.h"
 

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <utility>
 
+#include "service/base/choices.h"
 #include "service/contact/area_sampler.h"
 #include "service/contact/law_sampler.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 

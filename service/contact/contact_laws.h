@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "law/contact_law.h"
+#include "common/contact_law.h"
+#include "service/base/memory.h"
 #include "service/contact/touch_model.h"
-#include "service/limits/memory.h"
 
 namespace teletact::service {
 

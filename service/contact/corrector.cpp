@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 
 namespace teletact::service {
 namespace {

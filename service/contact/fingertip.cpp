@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 
 namespace teletact::service {
 namespace {

@@ -9,10 +9,10 @@
 #include <span>
 #include <vector>
 
-#include "law/contact_law.h"
+#include "common/contact_law.h"
+#include "service/base/choices.h"
 #include "service/contact/contact_laws.h"
 #include "service/contact/touch_model.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "service/contact/touch_model.h"
-#include "service/solid/layered_kernel.h"
+#include "service/tissue/solid/layered_kernel.h"
 
 namespace teletact::service {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "service/base/choices.h"
 #include "service/contact/solid_answer.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {

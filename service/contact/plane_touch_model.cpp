@@ -7,9 +7,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/base/choices.h"
 #include "service/contact/contact.h"
 #include "service/contact/fingertip.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {

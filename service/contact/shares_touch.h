@@ -6,11 +6,11 @@
 #include <memory>
 #include <vector>
 
+#include "service/base/force_budget.h"
 #include "service/contact/layered_touch.h"
 #include "service/contact/touch_model.h"
-#include "service/plan/force_budget.h"
-#include "service/solid/force_shares.h"
-#include "service/solid/solid_tissue.h"
+#include "service/tissue/solid/force_shares.h"
+#include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::service {
 

@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include "service/contact/touch_model.h"
-#include "service/solid/solid_tissue.h"
+#include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::service {
 

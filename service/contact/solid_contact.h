@@ -11,14 +11,14 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/choices.h"
 #include "service/contact/layered_touch.h"
 #include "service/contact/shares_touch.h"
 #include "service/contact/touch_model.h"
-#include "service/plan/choices.h"
-#include "service/solid/felt_modulus.h"
-#include "service/solid/force_shares.h"
-#include "service/solid/recycled_compliance.h"
-#include "service/solid/solid_solver.h"
+#include "service/tissue/solid/felt_modulus.h"
+#include "service/tissue/solid/force_shares.h"
+#include "service/tissue/solid/recycled_compliance.h"
+#include "service/tissue/solid/solid_solver.h"
 
 namespace teletact::service {
 

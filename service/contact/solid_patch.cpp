@@ -8,9 +8,9 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "service/base/choices.h"
 #include "service/contact/fingertip.h"
 #include "service/contact/skin.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {

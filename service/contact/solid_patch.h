@@ -10,8 +10,8 @@
 #include "service/contact/pose_energy.h"
 #include "service/contact/skin.h"
 #include "service/contact/touch_model.h"
-#include "service/solid/recycled_compliance.h"
-#include "service/solid/solid_solver.h"
+#include "service/tissue/solid/recycled_compliance.h"
+#include "service/tissue/solid/solid_solver.h"
 
 namespace teletact::service {
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "service/contact/touch_model.h"
-#include "service/solid/solid_tissue.h"
+#include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::service {
 

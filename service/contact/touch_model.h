@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "service/limits/memory.h"
-#include "service/plan/force_budget.h"
-#include "service/plan/planner.h"
+#include "service/base/force_budget.h"
+#include "service/base/memory.h"
+#include "service/base/planner.h"
 #include "service/tissue/compliance.h"
 
 namespace teletact::service {

@@ -13,7 +13,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 
 namespace teletact::service {
 
@@ -215,7 +215,7 @@ struct DeviceOptions {
       {};  // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
   bool profiling = false;
   std::uint64_t max_array_bytes = 0;  // 0 = what the device allows; less, as tests of full memory must
-  bool hide_double = false;            // treat the device as one without double precision, as tests must
+  bool hide_double = false;           // treat the device as one without double precision, as tests must
   // Nice value of the runtime's worker threads (PoCL), so that touch runs before imaging. PoCL starts them at
   // the process's first use of OpenCL, list_devices() included: it takes effect only when this is that.
   int niceness = 0;

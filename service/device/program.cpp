@@ -12,7 +12,7 @@
 #include <system_error>
 #include <utility>
 
-#include "disk/small_file.h"
+#include "common/small_file.h"
 
 namespace teletact {
 // Made at build time by kernels/embed.cmake: every .cl and .clh by file name.

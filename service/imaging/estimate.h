@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "service/base/choices.h"
 #include "service/device/device.h"
 #include "service/imaging/modulus/judge.h"
 #include "service/imaging/modulus/modulus.h"
@@ -22,7 +23,6 @@
 #include "service/imaging/tracking/measured.h"
 #include "service/imaging/tracking/quality.h"
 #include "service/imaging/tracking/strain.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 

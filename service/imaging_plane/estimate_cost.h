@@ -13,8 +13,8 @@
 #include <mutex>
 #include <optional>
 
+#include "service/base/choices.h"
 #include "service/imaging/modulus/modulus.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 
@@ -35,7 +35,7 @@ struct EstimateSeconds {
 class EstimateCost {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  static constexpr double kHalfLifeS = 300;          // of what was measured, while nothing is
+  static constexpr double kHalfLifeS = 300;        // of what was measured, while nothing is
   static constexpr double kMinShare = 0.5;         // of it, that is always expected
   static constexpr double kMinShareRefused = 0.1;  // the same, once estimates were refused for long
 

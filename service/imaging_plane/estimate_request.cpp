@@ -6,8 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "service/limits/require_between.h"
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
+#include "service/base/require_between.h"
 
 namespace teletact::service {
 
@@ -44,8 +44,8 @@ namespace {
 void check_frames(const EstimateRequest& r, const Limits& limits) {
   require_between<std::uint64_t>("acquisition.sample_count", r.sample_count, limits.min_samples,
                                  limits.max_samples, "give the samples of one A-line");
-  require_between<std::uint64_t>("acquisition.line_count", r.line_count, limits.min_lines,
-                                 limits.max_lines, "give the number of A-lines");
+  require_between<std::uint64_t>("acquisition.line_count", r.line_count, limits.min_lines, limits.max_lines,
+                                 "give the number of A-lines");
   const AcquisitionGeometry& g = r.geometry;
   require_between("acquisition.center_frequency_hz", g.center_frequency_hz, limits.min_center_frequency_hz,
                   limits.max_center_frequency_hz,
@@ -62,8 +62,7 @@ void check_frames(const EstimateRequest& r, const Limits& limits) {
                   limits.max_line_pitch_m, "give the distance of two A-lines in metres");
   require_between("acquisition.first_sample_depth_m", g.first_sample_depth_m, 0.0,
                   limits.max_first_sample_depth_m, "give the depth of the first sample in metres");
-  require_between("acquisition.line_pitch_m x line_count", r.window_width_m(), 0.0,
-                  limits.max_window_width_m,
+  require_between("acquisition.line_pitch_m x line_count", r.window_width_m(), 0.0, limits.max_window_width_m,
                   "no probe is wider; give the distance of two A-lines in metres");
 }
 
@@ -115,8 +114,8 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
                     slices->z_m.back(), "give a place in the solid");
   }
   if (r.tissue.probe_elevation_m != 0)
-    require_between("acquisition.probe_elevation_m", r.tissue.probe_elevation_m,
-                    limits.min_probe_elevation_m, limits.max_probe_elevation_m,
+    require_between("acquisition.probe_elevation_m", r.tissue.probe_elevation_m, limits.min_probe_elevation_m,
+                    limits.max_probe_elevation_m,
                     "give the length of the probe's face across the image plane, in m");
   if (r.modulus.time_limit_s)
     require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.min_modulus_time_s,

@@ -6,10 +6,10 @@
 #include <system_error>
 #include <utility>
 
+#include "service/base/current_trace.h"
 #include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "service/scene/niced_worker.h"
-#include "service/trace/current_trace.h"
 
 namespace teletact::service {
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "service/base/seconds.h"
 #include "service/device/cancellation.h"
 #include "service/device/worked.h"
-#include "service/limits/seconds.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

@@ -16,7 +16,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/limits/shown.h"
+#include "service/base/shown.h"
 #include "service/scene/files.h"
 
 namespace teletact::service {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "disk/file_descriptor.h"
+#include "common/file_descriptor.h"
 
 namespace teletact::service {
 

@@ -16,7 +16,7 @@
 #include <string>
 #include <thread>
 
-#include "service/limits/limits.h"
+#include "service/base/limits.h"
 
 namespace teletact::service {
 

@@ -18,7 +18,7 @@
 #include <thread>
 #include <vector>
 
-#include "disk/file_descriptor.h"
+#include "common/file_descriptor.h"
 #include "service/rpc/allowance.h"
 #include "service/rpc/free_memory.h"
 

@@ -9,17 +9,17 @@
 #include <vector>
 
 #include "service/access/access.h"
+#include "service/base/limits.h"
+#include "service/base/memory.h"
+#include "service/base/seconds.h"
+#include "service/base/slow_log.h"
 #include "service/device/current_device.h"
 #include "service/imaging_plane/imaging_plane.h"
-#include "service/limits/limits.h"
-#include "service/limits/memory.h"
-#include "service/limits/seconds.h"
 #include "service/rpc/calls.h"
 #include "service/rpc/connections.h"
 #include "service/rpc/metrics.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_workers.h"
-#include "service/trace/slow_log.h"
 
 namespace teletact::service {
 

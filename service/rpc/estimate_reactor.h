@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 #include "service/rpc/acquisition.h"
 #include "service/rpc/core.h"
 #include "service/rpc/served_call.h"

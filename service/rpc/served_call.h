@@ -17,6 +17,8 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/current_trace.h"
+#include "service/base/slow_log.h"
 #include "service/rpc/allowance.h"
 #include "service/rpc/call_headers.h"
 #include "service/rpc/call_life.h"
@@ -26,8 +28,6 @@
 #include "service/rpc/core.h"
 #include "service/rpc/status.h"
 #include "service/scene/errors.h"
-#include "service/trace/current_trace.h"
-#include "service/trace/slow_log.h"
 
 namespace teletact::service {
 

@@ -8,9 +8,9 @@
 #include <system_error>
 
 #include "service/access/access_table.h"
+#include "service/base/memory.h"
 #include "service/device/device.h"
 #include "service/imaging/tracking/quality.h"
-#include "service/limits/memory.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

@@ -11,7 +11,7 @@
 #include <system_error>
 #include <utility>
 
-#include "disk/small_file.h"
+#include "common/small_file.h"
 #include "service/access/certificates.h"
 
 namespace teletact::service {

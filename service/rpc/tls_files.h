@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "disk/file_descriptor.h"
+#include "common/file_descriptor.h"
 #include "service/access/file_watch.h"
 #include "service/rpc/address.h"
 

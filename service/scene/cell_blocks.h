@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 
 namespace teletact::service {
 

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "service/limits/shown.h"
+#include "service/base/shown.h"
 
 namespace teletact::service {
 

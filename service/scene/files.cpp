@@ -11,7 +11,7 @@
 #include <cstring>
 #include <utility>
 
-#include "disk/file_descriptor.h"
+#include "common/file_descriptor.h"
 
 namespace teletact::service {
 

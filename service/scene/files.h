@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "disk/small_file.h"
+#include "common/small_file.h"
 
 namespace teletact::service {
 

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "service/plan/force_budget.h"
+#include "service/base/force_budget.h"
 #include "service/scene/slices.h"
 
 namespace teletact::service {

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "service/limits/require_between.h"
+#include "service/base/require_between.h"
 
 namespace teletact::service {
 

@@ -1,8 +1,8 @@
 // The piece of tissue that a scene stands for: 0 <= x <= width, 0 <= y <= depth, plane strain (T4).
 #pragma once
 
-#include "service/limits/limits.h"
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
+#include "service/base/limits.h"
 #include "service/tissue/grid.h"
 
 namespace teletact::service {

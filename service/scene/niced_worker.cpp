@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "service/trace/current_trace.h"
+#include "service/base/current_trace.h"
 
 namespace teletact::service {
 

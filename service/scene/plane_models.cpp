@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "service/base/choices.h"
 #include "service/contact/plane_touch_model.h"
 #include "service/contact/solid_touch_model.h"
-#include "service/plan/choices.h"
 #include "service/scene/solid_block.h"
 #include "service/scene/touch_models.h"
 #include "service/scene/window_tissue.h"

@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/plan/choices.h"
-#include "service/plan/force_budget.h"
+#include "service/base/choices.h"
+#include "service/base/force_budget.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "service/base/limits.h"
 #include "service/imaging/modulus/tissue_extent.h"
-#include "service/limits/limits.h"
 #include "service/scene/scene_record.h"
 
 namespace teletact::service {

@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "service/base/choices.h"
 #include "service/device/cancellation.h"
-#include "service/plan/choices.h"
 #include "service/scene/slices.h"
 
 namespace teletact::service {

@@ -11,7 +11,7 @@
 #include <memory>
 #include <string>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 #include "service/scene/files.h"
 #include "service/scene/scene_record.h"
 

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
+#include "service/base/memory.h"
 #include "service/contact/touch_model.h"
-#include "service/limits/memory.h"
 #include "service/scene/geometry.h"
 #include "service/scene/scene_record.h"
 #include "service/scene/stitched_map.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 
 namespace teletact::service {
 

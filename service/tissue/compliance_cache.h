@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 #include "service/tissue/compliance.h"
 
 namespace teletact::service {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/grid.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/tissue/condensation.h"
 #include "service/tissue/condensed_compliance.h"
 

@@ -11,7 +11,7 @@
 #include <mutex>
 #include <vector>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 #include "service/tissue/column_condensation.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/tissue_problem.h"
@@ -19,8 +19,8 @@
 namespace teletact::service {
 
 struct CondenserOptions {
-  bool interior_layers = false;           // keeps for them what the surface's elimination passes through
-  bool will_change = false;               // keeps what a row's successor can take over
+  bool interior_layers = false;          // keeps for them what the surface's elimination passes through
+  bool will_change = false;              // keeps what a row's successor can take over
   std::size_t max_compliance_bytes = 0;  // all rows together, where they are made row by row
 };
 

@@ -15,7 +15,7 @@
 #include <optional>
 #include <vector>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/shared_solver.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 
 namespace teletact::service {
 

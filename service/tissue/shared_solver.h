@@ -7,7 +7,7 @@
 #include <memory>
 #include <mutex>
 
-#include "service/limits/memory.h"
+#include "service/base/memory.h"
 #include "service/tissue/elasticity_solver.h"
 
 namespace teletact::service {

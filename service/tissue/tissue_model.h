@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <memory>
 
-#include "service/limits/memory.h"
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
+#include "service/base/memory.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/tissue_problem.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/scene/slices.h"
 
 namespace teletact::service {

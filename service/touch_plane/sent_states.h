@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <stdexcept>
 
-#include "service/limits/seconds.h"
+#include "service/base/seconds.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

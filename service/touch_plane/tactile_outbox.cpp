@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 
 namespace teletact::service {
 namespace {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "service/limits/seconds.h"
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
+#include "service/base/seconds.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "service/base/limits.h"
 #include "service/contact/touch_model.h"
-#include "service/limits/limits.h"
 
 namespace teletact::service {
 

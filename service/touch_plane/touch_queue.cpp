@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "service/limits/seconds.h"
+#include "service/base/seconds.h"
 
 namespace teletact::service {
 

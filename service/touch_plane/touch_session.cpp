@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/choices.h"
 #include "service/device/device.h"
-#include "service/plan/choices.h"
 #include "service/touch_plane/scene_errors.h"
 
 namespace teletact::service {

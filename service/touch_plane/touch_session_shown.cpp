@@ -3,7 +3,7 @@
 #include <exception>
 #include <utility>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/touch_plane/touch_session.h"
 
 namespace teletact::service {

@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/limits/seconds.h"
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
+#include "service/base/seconds.h"
 #include "service/scene/errors.h"
 #include "service/touch_plane/observed_touch.h"
 
@@ -19,9 +19,8 @@ namespace {
 
 std::uint64_t credit_from(std::uint64_t wished, const Limits& limits) {
   if (wished > TouchStream::kMaxCredit)
-    throw std::invalid_argument(
-        fmt::format("open.credit: {} is more than {}; ask for fewer answers in flight", wished,
-                    TouchStream::kMaxCredit));
+    throw std::invalid_argument(fmt::format(
+        "open.credit: {} is more than {}; ask for fewer answers in flight", wished, TouchStream::kMaxCredit));
   return std::clamp<std::uint64_t>(wished, 1, limits.max_credit);
 }
 
@@ -29,8 +28,7 @@ TouchStream::Clock::duration answer_period(double wished_s, const Limits& limits
   if (wished_s == 0) wished_s = TouchStream::kUsualPeriodS;
   if (!(wished_s > 0 && wished_s <= limits.max_touch_period_s))
     throw std::invalid_argument(fmt::format("open.period_s: {} is not within (0, {}]; leave it out for {} s",
-                                            wished_s, limits.max_touch_period_s,
-                                            TouchStream::kUsualPeriodS));
+                                            wished_s, limits.max_touch_period_s, TouchStream::kUsualPeriodS));
   return seconds(std::max(wished_s, 1 / limits.max_touch_rate_hz));
 }
 
@@ -53,7 +51,8 @@ TouchOptions&& options_of(TouchStreamOptions& options) {
 
 }  // namespace
 
-TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchStreamOptions options, const CurrentDevice& device)
+TouchStream::TouchStream(std::shared_ptr<Scene> scene, TouchStreamOptions options,
+                         const CurrentDevice& device)
     : scene_(std::move(scene)),
       device_(device),
       exchange_(terms_from(options, scene_->limits()), Clock::now()),

@@ -10,7 +10,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "service/limits/limits.h"
+#include "service/base/limits.h"
 #include "service/touch_plane/touch_queue.h"
 
 namespace teletact::service {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "service/contact/solid_contact.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

@@ -10,8 +10,8 @@
 #include "service/contact/solid_contact.h"
 #include "service/contact/solid_layer.h"
 #include "tests/contact/exact_compliance.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

@@ -14,8 +14,8 @@
 #include "service/contact/layered_touch.h"
 #include "service/contact/plane_touch_model.h"
 #include "service/contact/solid_contact.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

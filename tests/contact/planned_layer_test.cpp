@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "service/contact/solid_touch_model.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

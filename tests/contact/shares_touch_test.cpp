@@ -11,8 +11,8 @@
 #include <numbers>
 
 #include "service/contact/solid_contact.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

@@ -13,8 +13,8 @@
 #include "service/contact/fingertip.h"
 #include "service/contact/skin.h"
 #include "tests/reference/solid.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

@@ -9,9 +9,9 @@
 #include "service/contact/skin.h"
 #include "service/contact/solid_contact.h"
 #include "tests/reference/solid.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
 #include "tests/support/faulty_kernels.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "service/contact/solid_contact.h"
 #include "tests/reference/solid.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

@@ -10,8 +10,8 @@
 #include "service/contact/solid_contact.h"
 #include "service/tissue/tissue_model.h"
 #include "tests/reference/solid.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

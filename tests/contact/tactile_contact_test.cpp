@@ -8,8 +8,8 @@
 
 #include "service/contact/solid_contact.h"
 #include "service/contact/tactile_image.h"
-#include "tests/solid/solids.h"
 #include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::service {
 namespace {

@@ -1,7 +1,7 @@
 // The door to OpenCL: choosing, building, caching, copying, failing with words.
 #include "service/device/device.h"
-#include "service/limits/limits.h"
-#include "service/limits/memory.h"
+#include "service/base/limits.h"
+#include "service/base/memory.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>

@@ -5,11 +5,11 @@
 #include <memory>
 #include <stdexcept>
 
+#include "service/base/limits.h"
+#include "service/base/memory.h"
 #include "service/imaging/engines.h"
 #include "service/imaging/estimate.h"
 #include "service/imaging/modulus/strip_model.h"
-#include "service/limits/limits.h"
-#include "service/limits/memory.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
 
@@ -103,9 +103,8 @@ TEST(ImagingMemory, WhatWouldNotFitIsRefusedBeforeAnythingIsTaken) {
   const std::uint64_t host = budget->held(Place::kHost), device = budget->held(Place::kDevice);
   constexpr std::size_t kMaxSamples = 16384, kMaxLines = 2048;
   DisplacementOptions options;
-  EXPECT_THROW(
-      DisplacementEstimator::require_fits({kMaxSamples, kMaxLines, {}}, speckle_geometry(), options),
-      std::invalid_argument);
+  EXPECT_THROW(DisplacementEstimator::require_fits({kMaxSamples, kMaxLines, {}}, speckle_geometry(), options),
+               std::invalid_argument);
   const RfFrame large{kMaxSamples, kMaxLines, std::vector<float>(kMaxSamples * kMaxLines)};
   EXPECT_THROW(engine.estimate(large, large, {speckle_geometry(), {}, slab()}), std::invalid_argument);
   EXPECT_EQ(budget->held(Place::kHost), host);

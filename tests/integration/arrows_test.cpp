@@ -54,7 +54,7 @@ TEST(Arrows, TheClientNeverIncludesTheServiceNorTheServiceTheClient) {
     EXPECT_FALSE(starts_with_any(i.target, {"service/"})) << i.file << ": " << i.target;
   for (const Include& i : service)
     EXPECT_FALSE(starts_with_any(i.target, {"client/"})) << i.file << ": " << i.target;
-  for (const Include& i : includes_of("law"))  // what both share
+  for (const Include& i : includes_of("common"))  // what both share
     EXPECT_FALSE(starts_with_any(i.target, {"client/", "service/"})) << i.file << ": " << i.target;
 }
 
@@ -70,35 +70,28 @@ void expect_only(const std::map<std::string, std::set<std::string>>& allowed, co
 }
 
 TEST(Arrows, TheServicesModulesDependOnlyOnThoseToTheirRight) {
-  // {admin, configuration} -> rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> {tissue,
-  // solid} -> solver -> device
-  // -> limits; in imaging: imaging -> modulus -> tracking; kernels are text for device; plan says what the
-  // others choose; access, who may do what, is rpc's; trace, whose call it is, goes with jobs, from rpc down
-  // to scene.
-  expect_only({{"limits", {}},
-               {"plan", {}},
-               {"access", {"limits"}},
-               {"device", {"limits"}},
-               {"solver", {"device", "limits"}},
-               {"tissue", {"plan", "solver", "device", "limits"}},
-               {"solid", {"solver", "device", "limits"}},
-               {"contact", {"plan", "tissue", "solid", "solver", "device", "limits"}},
-               {"tracking", {"solver", "device", "limits"}},
-               {"modulus", {"plan", "tracking", "tissue", "solid", "solver", "device", "limits"}},
-               {"imaging", {"plan", "modulus", "tracking", "tissue", "solid", "solver", "device", "limits"}},
-               {"scene",
-                {"plan", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device", "trace",
-                 "limits"}},
+  // operation -> rpc -> {imaging_plane, touch_plane} -> scene -> {imaging, contact} -> tissue -> solver ->
+  // device
+  // -> base; in imaging: imaging -> modulus -> tracking, in tissue: solid beside it; kernels are text for
+  // device; access, who may do what, is rpc's.
+  expect_only({{"base", {}},
+               {"access", {"base"}},
+               {"device", {"base"}},
+               {"solver", {"device", "base"}},
+               {"tissue", {"solver", "device", "base"}},
+               {"solid", {"solver", "device", "base"}},
+               {"contact", {"tissue", "solid", "solver", "device", "base"}},
+               {"tracking", {"solver", "device", "base"}},
+               {"modulus", {"tracking", "tissue", "solid", "solver", "device", "base"}},
+               {"imaging", {"modulus", "tracking", "tissue", "solid", "solver", "device", "base"}},
+               {"scene", {"imaging", "modulus", "tracking", "contact", "tissue", "solver", "device", "base"}},
                {"imaging_plane",
-                {"plan", "scene", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device",
-                 "trace", "limits"}},
-               {"touch_plane", {"plan", "scene", "contact", "tissue", "solver", "device", "limits"}},
-               {"trace", {}},
+                {"scene", "imaging", "modulus", "tracking", "contact", "tissue", "solver", "device", "base"}},
+               {"touch_plane", {"scene", "contact", "tissue", "solver", "device", "base"}},
                {"rpc",
-                {"access", "trace", "imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking",
-                 "contact", "tissue", "solver", "device", "limits"}},
-               {"admin", {"rpc", "scene", "limits"}},
-               {"configuration", {"rpc", "device", "limits"}}},
+                {"access", "imaging_plane", "touch_plane", "scene", "imaging", "modulus", "tracking",
+                 "contact", "tissue", "solver", "device", "base"}},
+               {"operation", {"rpc", "scene", "device", "base"}}},
               "service");
 }
 

@@ -9,7 +9,7 @@
 #include <sstream>
 #include <string>
 
-#include "service/limits/limits.h"
+#include "service/base/limits.h"
 #include "teletact/v1/info.grpc.pb.h"
 #include "tests/integration/process.h"
 

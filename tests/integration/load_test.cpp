@@ -8,9 +8,9 @@
 #include <thread>
 
 #include "client/link/recording.h"
-#include "tests/admin/http_peer.h"
-#include "tests/admin/metrics.h"
 #include "tests/integration/process.h"
+#include "tests/operation/http_peer.h"
+#include "tests/operation/metrics.h"
 
 namespace teletact {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "client/link/channel.h"
-#include "tests/admin/http_peer.h"
 #include "tests/integration/process.h"
+#include "tests/operation/http_peer.h"
 #include "tests/packaging/packaged_file.h"
 #include "tests/rpc/running_server.h"
 

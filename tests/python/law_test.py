@@ -1,4 +1,4 @@
-"""The contact law in NumPy is that of C++ (law/, client/link/law_book), over planes, solids, versions and guesses."""
+"""The contact law in NumPy is that of C++ (common/contact_law, client/link/law_book), over planes, solids, versions and guesses."""
 
 import subprocess
 

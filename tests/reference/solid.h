@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "service/solid/solid_tissue.h"  // the plain structs alone
+#include "service/tissue/solid/solid_tissue.h"  // the plain structs alone
 
 namespace teletact::reference {
 

@@ -1,7 +1,7 @@
 // A model in three dimensions through the whole service: what a client sends and gets has all components.
 #include <cmath>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/scene/half_space.h"
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "law/contact_law.h"
+#include "common/contact_law.h"
 #include "service/rpc/law_messages.h"
 #include "tests/rpc/running_server.h"
 

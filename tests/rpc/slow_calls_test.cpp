@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "service/trace/log_formatter.h"
+#include "service/base/log_formatter.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/support/kept_log.h"
 

@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/limits.h"
+#include "service/base/memory.h"
 #include "service/contact/contact_laws.h"
-#include "service/limits/limits.h"
-#include "service/limits/memory.h"
 #include "tests/scene/half_space.h"
 #include "tests/scene/windows.h"
 

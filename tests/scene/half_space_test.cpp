@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "service/base/choices.h"
 #include "service/device/device.h"
-#include "service/plan/choices.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 

@@ -7,9 +7,9 @@
 #include <functional>
 #include <vector>
 
+#include "service/base/limits.h"
+#include "service/base/memory.h"
 #include "service/device/device.h"
-#include "service/limits/limits.h"
-#include "service/limits/memory.h"
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_session.h"

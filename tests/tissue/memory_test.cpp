@@ -6,9 +6,9 @@
 #include <cmath>
 #include <vector>
 
+#include "service/base/limits.h"
+#include "service/base/memory.h"
 #include "service/device/device.h"
-#include "service/limits/limits.h"
-#include "service/limits/memory.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::service {

@@ -9,7 +9,7 @@
 #include <variant>
 #include <vector>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/touch_plane/touch_stream.h"
 #include "tests/scene/windows.h"
 

@@ -5,7 +5,7 @@
 
 #include <stdexcept>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

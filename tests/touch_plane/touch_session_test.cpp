@@ -9,8 +9,8 @@
 #include <limits>
 #include <string>
 
+#include "service/base/choices.h"
 #include "service/device/device.h"
-#include "service/plan/choices.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {

@@ -19,7 +19,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/limits/seconds.h"
+#include "service/base/seconds.h"
 #include "service/scene/errors.h"
 #include "service/touch_plane/touch_exchange.h"
 #include "service/touch_plane/touch_queue.h"
@@ -82,8 +82,7 @@ class Simulation {
       Client& c = clients_[k];
       c.habit = static_cast<Habit>(between(0, 7));
       c.principal = static_cast<std::size_t>(between(0, static_cast<int>(weights_.size()) - 1));
-      c.takes =
-          long_turns_ && one_in(3) ? Duration(between(5, 30) * 1ms) : between(max_us / 4, max_us) * 1us;
+      c.takes = long_turns_ && one_in(3) ? Duration(between(5, 30) * 1ms) : between(max_us / 4, max_us) * 1us;
       c.terms = {static_cast<std::uint64_t>(between(1, 8)), between(1, busy ? 3 : 20) * 1ms, one_in(3), 0.2,
                  60};
       at(begin_ + between(0, one_in(3) ? 600 : 100) * 1ms, [this, k] { come(k); });

@@ -12,7 +12,7 @@
 #include <variant>
 #include <vector>
 
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/scene/errors.h"
 #include "service/touch_plane/finger_watch.h"
 #include "tests/scene/windows.h"

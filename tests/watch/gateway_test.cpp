@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "tests/admin/http_peer.h"
+#include "tests/operation/http_peer.h"
 #include "tests/watch/web_peer.h"
 
 namespace teletact::client {

@@ -10,7 +10,7 @@
 
 #include "bench/basics/clock.h"
 #include "bench/suites/contact/contact.h"
-#include "service/plan/choices.h"
+#include "service/base/choices.h"
 #include "service/scene/window_tissue.h"
 #include "service/tissue/tissue_model.h"
 

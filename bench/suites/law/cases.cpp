@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/choices.h"
 #include "service/contact/plane_touch_model.h"
-#include "service/plan/choices.h"
 #include "service/scene/window_tissue.h"
 
 namespace teletact::bench {

@@ -16,8 +16,8 @@
 #include "bench/curves.h"
 #include "bench/suite.h"
 #include "bench/suites/law/cases.h"
+#include "service/base/choices.h"
 #include "service/contact/law_sampler.h"
-#include "service/plan/choices.h"
 #include "tests/support/allocation/allocation_count.h"
 
 namespace teletact::bench {

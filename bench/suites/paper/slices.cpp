@@ -16,7 +16,7 @@
 #include "bench/suites/paper/paper.h"
 #include "service/device/device.h"
 #include "service/touch_plane/touch_session.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {

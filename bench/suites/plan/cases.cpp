@@ -12,10 +12,10 @@
 #include "bench/suites/plan/models.h"
 #include "bench/suites/plan/scenes.h"
 #include "bench/suites/plan/truth.h"
+#include "service/base/choices.h"
+#include "service/base/planner.h"
 #include "service/contact/shares_touch.h"
 #include "service/contact/solid_contact.h"
-#include "service/plan/choices.h"
-#include "service/plan/planner.h"
 #include "service/touch_plane/touch_session.h"
 
 namespace teletact::bench {

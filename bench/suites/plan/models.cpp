@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "bench/basics/clock.h"
-#include "service/plan/planner.h"
+#include "service/base/planner.h"
 
 namespace teletact::bench {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "service/solid/solid_tissue.h"
+#include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::bench {
 

@@ -12,12 +12,12 @@
 #include "bench/curves.h"
 #include "bench/suites/solid/cases.h"
 #include "bench/suites/solid/solid.h"
-#include "law/contact_law.h"
+#include "common/contact_law.h"
 #include "service/contact/area_sampler.h"
 #include "service/contact/solid_contact.h"
 #include "service/device/device.h"
 #include "service/scene/solid_block.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {

@@ -4,7 +4,7 @@
 #include <map>
 #include <random>
 
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {

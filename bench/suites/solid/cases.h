@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "bench/rigid_contact.h"
-#include "service/solid/solid_tissue.h"
+#include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::bench {
 

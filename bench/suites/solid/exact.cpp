@@ -12,9 +12,9 @@
 #include "bench/curves.h"
 #include "bench/suites/solid/solid.h"
 #include "bench/suites/solid/truth.h"
+#include "service/base/choices.h"
 #include "service/contact/solid_contact.h"
-#include "service/plan/choices.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {
@@ -113,8 +113,8 @@ void measure_forces(const service::Queue& queue, bool quick, Figures& f) {
        {std::pair{&Force::coarse_n, kStepM}, std::pair{&Force::fine_n, kStepM / 2}}) {
     // What homogeneous tissue answers is of S0, whose period is 256 mm, and the block's matters to nothing.
     const service::SolidTissue tissue = solid_tissue(block(0.064, step), 0.49, {.contrast = 1});
-    const service::SurfaceCompliance s0 = service::wide_surface(
-        tissue.grid, service::layered(tissue), 0.49, service::choices::kMinPeriod * kSolidDepthM);
+    const service::SurfaceCompliance s0 = service::wide_surface(tissue.grid, service::layered(tissue), 0.49,
+                                                                service::choices::kMinPeriod * kSolidDepthM);
     std::optional<service::SolidContact<double>> contact;
     if (!quick) contact.emplace(queue, tissue);
     for (Force& force : f.forces)

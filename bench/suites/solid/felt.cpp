@@ -24,7 +24,7 @@
 #include "client/report/summary.h"
 #include "service/device/device.h"
 #include "service/touch_plane/touch_session.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {
@@ -33,7 +33,7 @@ using client::SolidPatient;
 using Eigen::Vector3d;
 using nlohmann::json;
 
-constexpr int kPromisesMissed = 2;     // exit code, as of teletact-client report
+constexpr int kPromisesMissed = 2;   // exit code, as of teletact-client report
 constexpr double kMinForceN = 0.05;  // a force that is felt is more
 constexpr double kForceMedian = 0.02, kCoverage = 0.90;
 // From RF: the force, and how much of the path a stated interval of 95 % holds.

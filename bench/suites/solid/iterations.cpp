@@ -7,7 +7,7 @@
 #include "bench/curves.h"
 #include "bench/suites/solid/cases.h"
 #include "bench/suites/solid/solid.h"
-#include "service/solid/solid_solver.h"
+#include "service/tissue/solid/solid_solver.h"
 
 namespace teletact::bench {
 namespace {

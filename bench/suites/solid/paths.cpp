@@ -22,7 +22,7 @@
 #include "service/device/device.h"
 #include "service/scene/scene.h"
 #include "service/touch_plane/touch_session.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {
@@ -48,7 +48,7 @@ struct Way {
   double ready_s = 0, processor_s = 0;  // of the processor, all threads: until the first answer, on the way
   double held = 0, held_linear = 0;     // share of the way where the interval holds the true force
   double error_p50 = 0, error_max = 0, stated_p50 = 0;  // stated without finite strain
-  double closed = 0, failed = 0;                         // shares of the answers: without nodes; no force
+  double closed = 0, failed = 0;                        // shares of the answers: without nodes; no force
   std::vector<Sample> samples{};
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Way, patient, by, ready_s, processor_s, held, held_linear, error_p50,

@@ -7,7 +7,7 @@
 #include "bench/suite.h"
 #include "client/acquire/solid_source.h"
 #include "client/patient/true_modulus.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {

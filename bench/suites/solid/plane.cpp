@@ -9,9 +9,9 @@
 #include "bench/curves.h"
 #include "bench/suites/solid/cases.h"
 #include "bench/suites/solid/solid.h"
-#include "service/solid/solid_solver.h"
+#include "service/tissue/solid/solid_solver.h"
 #include "service/tissue/tissue_model.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {

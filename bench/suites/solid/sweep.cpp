@@ -20,7 +20,7 @@
 #include "service/device/device.h"
 #include "service/scene/solid_block.h"
 #include "service/touch_plane/touch_session.h"
-#include "tests/solid/solids.h"
+#include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {
 namespace {
@@ -40,7 +40,7 @@ struct Sweep {
   double ball_m = 0;  // its centre's depth
   double answers_hz = 0, processor_p50_s = 0, processor_p99_s = 0;
   double late_p99_s = 0, late_max_s = 0;  // answers, beyond their millisecond
-  double ok = 0;                           // share of the answers
+  double ok = 0;                          // share of the answers
   double within_1 = 0, within_2 = 0, covered = 0, stated_over_error_p50 = 0;  // of the samples
   std::vector<Sample> samples{};
 };

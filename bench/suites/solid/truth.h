@@ -8,7 +8,7 @@
 
 #include "bench/suite.h"
 #include "bench/suites/solid/cases.h"
-#include "service/solid/solid_solver.h"
+#include "service/tissue/solid/solid_solver.h"
 #include "tests/reference/solid.h"
 
 namespace teletact::bench {

@@ -23,7 +23,7 @@
 #include "client/files/matlab/mat_parser.h"
 #include "client/files/matlab/uff_parser.h"
 #include "client/text/shown.h"
-#include "disk/file_descriptor.h"
+#include "common/file_descriptor.h"
 
 namespace teletact::client {
 namespace {
@@ -31,7 +31,7 @@ namespace {
 constexpr const char* kName = "teletact-mat-parser";  // argv[0]; then how, variable, frame, bytes, seconds
 constexpr int kArguments = 6;
 constexpr const char *kRows = "rows", *kColumns = "columns", *kUff = "uff";  // how
-constexpr std::size_t kMaxWords = 1000;                                     // of an error
+constexpr std::size_t kMaxWords = 1000;                                      // of an error
 constexpr const char* kFile = "/proc/self/fd/0";
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "service/base/choices.h"
 #include "service/imaging/tracking/median.h"
-#include "service/plan/choices.h"
 
 namespace teletact::service {
 namespace {

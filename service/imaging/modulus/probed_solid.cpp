@@ -14,7 +14,7 @@
 
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/probed_tissue.h"
-#include "service/solid/solid_solver.h"
+#include "service/tissue/solid/solid_solver.h"
 
 namespace teletact::service {
 namespace {
@@ -28,7 +28,7 @@ constexpr std::size_t kMaxAcross = 7, kMinAcross = 3;
 // Nodes h apart that are pushed alike act as a face that ends a quarter of h beyond the last: strains at 4 mm
 // and deeper are then within 2 % of those of a mesh three times as fine.
 constexpr double kBeyond = 0.5;
-constexpr double kMinGap = 1.6;  // to the period's next probe, in depths of tissue, as far as there is room
+constexpr double kMinGap = 1.6;   // to the period's next probe, in depths of tissue, as far as there is room
 constexpr double kMinPeriod = 8;  // the same, of tissue whose period is not felt
 constexpr std::size_t kMaxColumns = 256, kMaxRows = 64, kMinPeriodAcross = 32, kMaxWide = 512;
 constexpr std::size_t kMaxElements = 2'000'000;

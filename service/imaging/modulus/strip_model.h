@@ -8,10 +8,10 @@
 #include <memory>
 #include <vector>
 
+#include "service/base/memory.h"
 #include "service/imaging/modulus/sparse_factor.h"
 #include "service/imaging/modulus/tissue_extent.h"
 #include "service/imaging/tracking/frame.h"
-#include "service/limits/memory.h"
 #include "service/tissue/grid.h"
 
 namespace teletact::service {

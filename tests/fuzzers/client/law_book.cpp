@@ -6,7 +6,7 @@
 #include <set>
 #include <utility>
 
-#include "law/contact_law.h"
+#include "common/contact_law.h"
 #include "tests/fuzzers/client/fuzzers.h"
 #include "tests/fuzzers/support/delimited.h"
 

@@ -1,5 +1,5 @@
 // The service's TOML file.
-#include "service/configuration/configuration.h"
+#include "service/operation/configuration.h"
 
 #include "tests/fuzzers/service/fuzzers.h"
 

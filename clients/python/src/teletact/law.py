@@ -2,7 +2,7 @@
 
 W = ln U is interpolated, U the energy of the contact: over s = ln d in columns, d the indentation; over x between
 columns; and, of a solid, over z between lanes of columns. The force is F = -grad U. It is the interpolation of
-``law/contact_law.h``, with which a haptic device feels the tissue.
+``common/contact_law.h``, with which a haptic device feels the tissue.
 """
 
 from __future__ import annotations

@@ -1,0 +1,28 @@
+#include "service/base/slow_log.h"
+
+#include <fmt/format.h>
+
+#include <iterator>
+#include <utility>
+
+namespace teletact::service {
+
+std::string key_values(std::chrono::steady_clock::duration took, const std::vector<StageTime>& stages) {
+  using Seconds = std::chrono::duration<double>;
+  std::string text = fmt::format("took_s={:.4f}", Seconds(took).count());
+  for (const StageTime& stage : stages)
+    fmt::format_to(std::back_inserter(text), " {}_s={:.4f}", stage.name, Seconds(stage.took).count());
+  return text;
+}
+
+std::optional<std::uint64_t> SlowLog::turn(Clock::time_point now) {
+  const std::lock_guard lock(mutex_);
+  if (said_at_ && now - *said_at_ < pace_) {
+    ++left_out_;
+    return std::nullopt;
+  }
+  said_at_ = now;
+  return std::exchange(left_out_, 0);
+}
+
+}  // namespace teletact::service

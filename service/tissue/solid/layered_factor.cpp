@@ -1,0 +1,156 @@
+#include "service/tissue/solid/layered_factor.h"
+
+#include <Eigen/LU>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <map>
+#include <numbers>
+
+#include "service/device/cancellation.h"
+#include "service/tissue/solid/hexahedron.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Matrix3d;
+
+// Of a layer of modulus 1: the stiffness between its upper side's nodes, from upper to lower, and between
+// its lower side's, summed over the elements around a node, by the offset of the second node.
+struct LayerStencil {
+  std::array<std::array<Matrix3d, 9>, 3> blocks;  // [uu, ul, ll][(dx + 1) + 3 (dz + 1)]
+};
+
+LayerStencil layer_stencil(const SolidGrid& grid, double height_m, double poisson_ratio) {
+  const HexahedronMatrix k =
+      hexahedron_stiffness(grid.spacing_x_m, height_m, grid.spacing_z_m, poisson_ratio);
+  LayerStencil out;
+  for (auto& offsets : out.blocks) offsets.fill(Matrix3d::Zero());
+  for (int a = 0; a < 4; ++a)
+    for (int b = 0; b < 4; ++b) {
+      const int dx = (b & 1) - (a & 1), dz = (b >> 1) - (a >> 1);
+      const auto at = static_cast<std::size_t>((dx + 1) + 3 * (dz + 1));
+      out.blocks[0][at] += k.block<3, 3>(3 * a, 3 * b);
+      out.blocks[1][at] += k.block<3, 3>(3 * a, 3 * (b + 4));
+      out.blocks[2][at] += k.block<3, 3>(3 * (a + 4), 3 * (b + 4));
+    }
+  return out;
+}
+
+// cos and sin of the wave number's step from a node to the next, exact where they are 0 or 1.
+struct Wave {
+  double cosine = 1, sine = 0;
+};
+Wave wave(std::size_t k, std::size_t n) {
+  if (k == 0) return {};
+  if (2 * k == n) return {-1, 0};
+  if (4 * k == n) return {0, 1};
+  const double angle = 2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(n);
+  return {std::cos(angle), std::sin(angle)};
+}
+
+// T^* A T, A = sum over offsets of the blocks times exp(i (kx dx + kz dz)), T = diag(1, i, 1): real.
+Matrix3d symbol(const std::array<Matrix3d, 9>& blocks, const Wave& x, const Wave& z) {
+  Matrix3d real = Matrix3d::Zero();
+  for (int dz = -1; dz <= 1; ++dz)
+    for (int dx = -1; dx <= 1; ++dx) {
+      const Matrix3d& b = blocks[static_cast<std::size_t>((dx + 1) + 3 * (dz + 1))];
+      const double cx = dx ? x.cosine : 1, sx = dx * x.sine, cz = dz ? z.cosine : 1, sz = dz * z.sine;
+      const double even = cx * cz - sx * sz, odd = sx * cz + cx * sz;  // exp(i ...) = even + i odd
+      for (int p = 0; p < 3; ++p)
+        for (int q = 0; q < 3; ++q) {
+          if ((p == 1) == (q == 1))
+            real(p, q) += b(p, q) * even;
+          else
+            real(p, q) += b(p, q) * (q == 1 ? -odd : odd);
+        }
+    }
+  return real;
+}
+
+// Eliminates for every pair of wave numbers: `row`(kx, kz, j, S_j^-1, W_j-1), from the bottom up.
+template <class Row>
+void eliminate(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio, const Row& row) {
+  const std::size_t layers = grid.layers();
+  std::map<double, std::size_t> by_height;
+  std::vector<LayerStencil> stencils;
+  std::vector<std::size_t> kind;  // of each layer
+  for (std::size_t j = 0; j < layers; ++j) {
+    const double height_m = grid.y_m[j + 1] - grid.y_m[j];
+    const auto [at, fresh] = by_height.emplace(height_m, stencils.size());
+    if (fresh) stencils.push_back(layer_stencil(grid, height_m, poisson_ratio));
+    kind.push_back(at->second);
+  }
+  std::vector<std::array<Matrix3d, 3>> symbols(stencils.size());
+  for (std::size_t kz = 0; kz <= grid.nz / 2; ++kz) {
+    check_cancelled();
+    const Wave z = wave(kz, grid.nz);
+    for (std::size_t kx = 0; kx <= grid.nx / 2; ++kx) {
+      const Wave x = wave(kx, grid.nx);
+      for (std::size_t s = 0; s < stencils.size(); ++s)
+        for (std::size_t b = 0; b < 3; ++b) symbols[s][b] = symbol(stencils[s].blocks[b], x, z);
+      Matrix3d below = Matrix3d::Zero();  // U_j S_(j+1)^-1 U_j^T
+      for (std::size_t j = layers; j-- > 0;) {
+        Matrix3d s = tissue.youngs_modulus_pa[j] * symbols[kind[j]][0] - below;
+        if (j > 0) s += tissue.youngs_modulus_pa[j - 1] * symbols[kind[j - 1]][2];
+        const Matrix3d inverse = s.inverse();
+        Matrix3d coupling = Matrix3d::Zero();
+        if (j > 0) {
+          const Matrix3d u = tissue.youngs_modulus_pa[j - 1] * symbols[kind[j - 1]][1];
+          coupling = inverse * u.transpose();
+          below = u * coupling;
+        }
+        row(kx, kz, j, inverse, coupling);
+      }
+    }
+  }
+}
+
+// The upper triangle of a symmetric block.
+std::array<double, 6> upper(const Matrix3d& m) {
+  return {m(0, 0), (m(0, 1) + m(1, 0)) / 2, (m(0, 2) + m(2, 0)) / 2,
+          m(1, 1), (m(1, 2) + m(2, 1)) / 2, m(2, 2)};
+}
+
+}  // namespace
+
+LayeredFactor factor(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
+                     std::size_t pitch) {
+  const std::size_t layers = grid.layers(), plane = (grid.nz / 2 + 1) * pitch;
+  LayeredFactor out;
+  out.pitch = pitch;
+  grow(out.inverse, 6 * layers * plane, 0.0);
+  grow(out.coupling, 9 * (layers - 1) * plane, 0.0);
+  eliminate(grid, tissue, poisson_ratio,
+            [&](std::size_t kx, std::size_t kz, std::size_t j, const Matrix3d& inverse, const Matrix3d& w) {
+              const std::size_t at = kz * pitch + kx;
+              const std::array<double, 6> entries = upper(inverse);
+              for (std::size_t e = 0; e < 6; ++e) out.inverse[(6 * j + e) * plane + at] = entries[e];
+              if (j == 0) return;
+              for (std::size_t e = 0; e < 9; ++e)
+                out.coupling[(9 * (j - 1) + e) * plane + at] =
+                    w(static_cast<Eigen::Index>(e / 3), static_cast<Eigen::Index>(e % 3));
+            });
+  return out;
+}
+
+std::vector<double> row_symbol(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio,
+                               std::size_t pitch, std::size_t row) {
+  const std::size_t plane = (grid.nz / 2 + 1) * pitch;
+  std::vector<double> out(6 * plane, 0.0);
+  std::vector<Matrix3d> inverses(row + 1), couplings(row + 1);  // of one pair of wave numbers
+  eliminate(grid, tissue, poisson_ratio,
+            [&](std::size_t kx, std::size_t kz, std::size_t j, const Matrix3d& inverse, const Matrix3d& w) {
+              if (j > row) return;
+              inverses[j] = inverse, couplings[j] = w;
+              if (j > 0) return;
+              Matrix3d compliance = inverse;
+              for (std::size_t i = 1; i <= row; ++i)
+                compliance = inverses[i] + couplings[i] * compliance * couplings[i].transpose();
+              const std::array<double, 6> entries = upper(compliance);
+              for (std::size_t e = 0; e < 6; ++e) out[e * plane + kz * pitch + kx] = entries[e];
+            });
+  return out;
+}
+
+}  // namespace teletact::service

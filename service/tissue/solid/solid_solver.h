@@ -1,0 +1,144 @@
+// A patch of the surface of solid tissue, or of a row of nodes below it, is pressed (T8.2): conjugate
+// gradients on the whole block, preconditioned by layered tissue under the same patch, on the device.
+//
+// Find u and forces p with  K u = B^T p,  B u + C p = w:  B picks the patch's unknowns, w is how far they are
+// pushed, C how far each gives way to its own force (the tip's skin; 0 for a rigid tip). That minimises
+// u K u / 2 + p C p / 2 under the constraint, and A = K + B^T C^-1 B is what conjugate gradients see. They
+// start from the layered tissue's contact and keep the constraint at every step: each preconditioned residual
+// is corrected by q = (S0 + C)^-1 B z0, S0 the layered row's compliance (Gould, Hribar and Nocedal 2001,
+// where C = 0).
+//
+// What is bounded, at every iteration, is the energy norm of the error (radau_bound.h): the eigenvalues of
+// the preconditioned operator are not below min E / E0.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "service/solver/pcg.h"
+#include "service/tissue/solid/layered_preconditioner.h"
+#include "service/tissue/solid/solid_tissue.h"
+
+namespace teletact::service {
+
+// Unknowns of a row of nodes, i + nx (k + nz c) for component c of node (i, k), each once.
+struct SurfacePatch {
+  std::vector<std::size_t> unknowns;
+  Eigen::VectorXd skin_m_n;  // C, >= 0
+};
+
+struct SolidSolution {
+  Eigen::VectorXd force_n;         // p, of each unknown of the patch
+  Eigen::VectorXd displacement_m;  // B u; where the patch is pushed, w - C p
+  // Energy of the tissue and the skins, J: too large where the patch is pushed, too small where it is loaded;
+  // by how much, at most.
+  double energy_j = 0, energy_error_j = 0;
+  std::size_t iterations = 0;
+  StopReason reason = StopReason::kRunning;
+  bool certified = true;  // false where rounding has broken the bound and it shows
+  // What rounding may add to the relative error: it breaks the bound before that shows (T8.3).
+  double rounding = 0;
+  // ||e||_A / ||u||_A, at most: by the bound, and that with rounding.
+  double bounded_error() const;
+  double relative_error() const { return bounded_error() + rounding; }
+};
+
+struct SolidOptions {
+  double relative_error = 1e-6;  // ||e||_A / ||u||_A; what lies below the rounding is not tried for
+  std::size_t max_iterations = 200;
+  // Sees every iterate, without its forces and displacements; where it says false, that one is the last.
+  std::function<bool(const SolidSolution&)> watch = {};
+};
+
+// A row of nodes that is touched: 0 the surface, whose condition costs nothing; below it each step of
+// conjugate gradients solves the layers twice. `layered`: its compliance in layered tissue, the block's own.
+struct SolidRow {
+  std::size_t index = 0;
+  SurfaceCompliance layered;
+};
+
+// What the row moves by under some forces beyond the layered tissue's, all its 3 nx nz unknowns, m; and
+// how much of it the last step of the preconditioner brought: about what it may still be off by.
+struct RowExcess {
+  Eigen::VectorXd moved_m, last_m;
+};
+
+// The modulus of tissue on the device. A solver's factor depends on `layers` and the Poisson ratio alone, so
+// it solves any modulus on its grid (T8.7).
+template <class T>
+struct SolidModulus {
+  // `layers`: those of the factor. Throws as validate() does.
+  SolidModulus(const Queue&, const SolidTissue&, LayeredTissue layers);
+  const LayeredTissue layers;
+  const double rounding;       // what it may add to the relative error of any solution (T8.3)
+  Array<T> youngs_modulus_pa;  // as the kernels take it
+};
+
+template <class T>
+class SolidSolver {
+ public:
+  // Throws as validate() does.
+  SolidSolver(const Queue&, const SolidTissue&);
+  // What it solves: from the beginning its tissue's, then that of the last use().
+  const std::shared_ptr<const SolidModulus<T>>& modulus() const { return modulus_; }
+  // From now on, until the next solution is over and what it leaves is read. It must be on this grid, beside
+  // this solver's layers.
+  void use(std::shared_ptr<const SolidModulus<T>> modulus) { modulus_ = std::move(modulus); }
+  // Where patches lie: from the beginning on the surface, then on the row of the last at(). Their unknowns
+  // are counted as the surface's. It must be of this grid and this solver's layers.
+  const std::shared_ptr<const SolidRow>& row() const { return row_; }
+  void at(std::shared_ptr<const SolidRow> row) { row_ = std::move(row); }
+  // Throws std::invalid_argument where the patch is not one of this row.
+  SolidSolution push(const SurfacePatch&, const Eigen::VectorXd& w, const SolidOptions& = {});
+  // Under given forces instead (N), with no skin: K u = B^T p.
+  SolidSolution load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
+                     const SolidOptions& = {});
+  // Of the last solution. Throws std::domain_error where it is not finite.
+  RowExcess excess();
+  // Displacement of the last solution, or of the iterate that is watched, [plane = 3 row + component][z][x].
+  std::vector<T> displacement() const { return queue_.read(u_); }
+  const LayeredTissue& layers() const { return modulus_->layers; }
+  double rounding() const { return modulus_->rounding; }  // of every solution
+
+ private:
+  using Components = typename LayeredPreconditioner<T>::Components;
+  // A patch in the device's arrays: pushed, or loaded.
+  struct Patch {
+    int count = 0;
+    Components components;
+    bool pushed = true;
+  };
+  Patch set_patch(const std::vector<std::size_t>& unknowns, bool pushed);
+  std::size_t row_begin() const { return 3 * row_->index * grid_.columns(); }  // in a field
+  void solve_layers(const Array<T>& r, Array<T>& z);                           // z = K0^-1 r
+  // u: how layered tissue moves under the patch's forces.
+  void move_layers(const Components&, Array<T>& u);
+  // Sets u to the layered tissue's answer to the patch's forces, and r to what that leaves of them.
+  void begin(const Patch&, const Eigen::VectorXd& force_n);
+  // Conjugate gradients from there; `twice_energy`: of the beginning.
+  SolidSolution iterate(const Patch&, double twice_energy, const SolidOptions&);
+  void precondition(const Patch&);  // z from r
+  // The patch's values, with zeros between, in the planes of a field from `begin` on.
+  void spread(const Array<T>& values, Array<T>& field, T sign, const Components&, std::size_t begin);
+  Eigen::VectorXd row_of(const Array<T>& field) const;
+  double dot(const Array<T>& a, const Array<T>& b);
+  Queue queue_;
+  SolidGrid grid_;
+  std::shared_ptr<const SolidModulus<T>> modulus_;
+  LayeredPreconditioner<T> preconditioner_;
+  std::shared_ptr<const SolidRow> row_;
+  std::size_t width_ = 1, chunk_ = 1, chunks_ = 1;
+  int nx_, nz_, rows_;
+  Array<T> stiffness_;
+  Array<T> u_, r_, z_, kd_, d_, surface_;
+  Array<T> scalars_, partial_;
+  Array<int> unknowns_, slots_;
+  Array<T> inverse_, q_, dq_, p_;
+  Kernel apply_, direction_, dot_, step_, subtract_, project_, spread_, turn_, patch_step_;
+};
+
+}  // namespace teletact::service

@@ -1,0 +1,184 @@
+// A pressed patch of solid tissue on the device against a sparse factor, and what it certifies.
+#include "service/tissue/solid/solid_solver.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+
+#include "tests/reference/solid.h"
+#include "tests/solver/block_stencil.h"
+#include "tests/tissue/solid/solids.h"
+
+namespace teletact::service {
+namespace {
+
+// A few nodes around the middle, the components `first` to `last`.
+SurfacePatch patch_of(const SolidGrid& grid, std::size_t first, std::size_t last, double skin_m_n) {
+  SurfacePatch patch;
+  for (std::size_t c = first; c <= last; ++c)
+    for (std::size_t k = 3; k < 6; ++k)
+      for (std::size_t i = 6; i < 10; ++i) patch.unknowns.push_back(reference::unknown(grid, i, 0, k, c));
+  patch.skin_m_n = Eigen::VectorXd::Constant(Eigen::Index(patch.unknowns.size()), skin_m_n);
+  return patch;
+}
+
+Eigen::VectorXd pushed(const SurfacePatch& patch) {
+  Eigen::VectorXd w(patch.skin_m_n.size());
+  for (Eigen::Index n = 0; n < w.size(); ++n) w[n] = 1e-3 * (1 - 0.05 * double(n % 5));
+  return w;
+}
+
+struct Truth {
+  Eigen::VectorXd force_n;
+  double energy_j = 0;
+};
+Truth truth(const SolidTissue& tissue, const SurfacePatch& patch, const Eigen::VectorXd& w) {
+  Eigen::MatrixXd s = reference::SolidReference(tissue).compliance(patch.unknowns);
+  s.diagonal() += patch.skin_m_n;
+  Truth t;
+  t.force_n = s.ldlt().solve(w);
+  t.energy_j = t.force_n.dot(w) / 2;
+  return t;
+}
+
+class SolidSolverTest : public testing::TestWithParam<double> {};
+
+TEST_P(SolidSolverTest, IsTheSparseFactorsAndItsBoundHoldsAtEveryIteration) {
+  const double nu = GetParam();
+  const Queue queue = test_device()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  for (const double contrast : {3.0, 100.0}) {
+    const SolidTissue tissue = rough(small_grid(), nu, contrast);
+    for (const auto& [first, last, skin] :
+         {std::tuple{1, 1, 0.0}, std::tuple{1, 1, 2e-3}, std::tuple{0, 2, 0.0}}) {
+      const SurfacePatch patch = patch_of(tissue.grid, std::size_t(first), std::size_t(last), skin);
+      const Eigen::VectorXd w = pushed(patch);
+      const Truth t = truth(tissue, patch, w);
+      SolidSolver<double> solver(queue, tissue);
+      const SolidSolution s = solver.push(patch, w, {.relative_error = 1e-10});
+      EXPECT_EQ(s.reason, StopReason::kConverged);
+      EXPECT_LT((s.force_n - t.force_n).norm(), 1e-8 * t.force_n.norm())
+          << "nu " << nu << " contrast " << contrast << " components " << first << " to " << last;
+      double before = HUGE_VAL;
+      for (std::size_t k = 0; k < s.iterations; k += 3) {
+        const SolidSolution early = solver.push(patch, w, {.relative_error = 0, .max_iterations = k});
+        const double error = early.energy_j - t.energy_j;
+        EXPECT_GE(error, -1e-12 * t.energy_j);
+        EXPECT_LE(error, early.energy_error_j + 1e-12 * t.energy_j) << "iteration " << k;
+        EXPECT_LE(error, before);
+        before = error + 1e-12 * t.energy_j;
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(PoissonRatios, SolidSolverTest, testing::Values(0.3, 0.49, 0.4999));
+
+// Below the surface the same holds: push, load and what both leave.
+TEST(SolidSolver, OnARowItIsTheSparseFactorsAndItsBoundHolds) {
+  const Queue queue = test_device()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = rough(small_grid(), 0.49, 30);
+  const SolidGrid& grid = tissue.grid;
+  const reference::SolidReference reference(tissue);
+  SolidSolver<double> solver(queue, tissue);
+  for (const std::size_t row : {1U, 4U, 5U}) {
+    solver.at(std::make_shared<const SolidRow>(
+        SolidRow{row, wide_surface(grid, solver.layers(), 0.49, 0, 0, row)}));
+    for (const auto& [first, last, skin] :
+         {std::tuple{1, 1, 0.0}, std::tuple{1, 1, 2e-3}, std::tuple{0, 2, 0.0}}) {
+      const SurfacePatch patch = patch_of(grid, std::size_t(first), std::size_t(last), skin);
+      const Eigen::VectorXd w = pushed(patch);
+      std::vector<std::size_t> in_field = patch.unknowns;
+      for (std::size_t& unknown : in_field) unknown += 3 * row * grid.columns();
+      Eigen::MatrixXd s = reference.compliance(in_field);
+      s.diagonal() += patch.skin_m_n;
+      const Eigen::VectorXd p = s.ldlt().solve(w);
+      const double energy_j = p.dot(w) / 2;
+      const SolidSolution all = solver.push(patch, w, {.relative_error = 1e-10});
+      EXPECT_EQ(all.reason, StopReason::kConverged);
+      EXPECT_LT((all.force_n - p).norm(), 1e-8 * p.norm()) << "row " << row;
+      for (std::size_t k = 0; k < all.iterations; k += 4) {
+        const SolidSolution early = solver.push(patch, w, {.relative_error = 0, .max_iterations = k});
+        EXPECT_GE(early.energy_j - energy_j, -1e-12 * energy_j);
+        EXPECT_LE(early.energy_j - energy_j, early.energy_error_j + 1e-12 * energy_j) << "iteration " << k;
+      }
+      // Pushed or loaded, its excess is what the row moves by beyond the layered tissue.
+      Eigen::VectorXd load = Eigen::VectorXd::Zero(Eigen::Index(grid.unknowns()));
+      load(in_field) = p;
+      const Eigen::VectorXd moved = reference.solve(load).segment(Eigen::Index(3 * row * grid.columns()),
+                                                                  Eigen::Index(3 * grid.columns()));
+      const Eigen::VectorXd beyond =
+          moved - solver.row()->layered.times(patch.unknowns, p, grid.nx, grid.nz, 0, 3);
+      solver.push(patch, w, {.relative_error = 1e-10});
+      EXPECT_LT((solver.excess().moved_m - beyond).norm(), 1e-7 * moved.norm());
+      const SolidSolution loaded = solver.load(patch.unknowns, p, {.relative_error = 1e-10});
+      EXPECT_LT((solver.excess().moved_m - beyond).norm(), 1e-7 * moved.norm());
+      EXPECT_NEAR(loaded.energy_j, p.dot(moved(patch.unknowns)) / 2, 1e-8 * loaded.energy_j);
+    }
+  }
+}
+
+TEST(SolidSolver, LayeredTissueTakesNoIteration) {
+  const SolidTissue tissue =
+      solid(small_grid(), 0.49, [](double, double y, double) { return y < 0.008 ? 1e4 : 5e4; });
+  const SurfacePatch patch = patch_of(tissue.grid, 1, 1, 0);
+  const Eigen::VectorXd w = pushed(patch);
+  SolidSolver<float> solver(test_device()->queue(), tissue);
+  const SolidSolution s = solver.push(patch, w, {.relative_error = 1e-3});
+  EXPECT_EQ(s.iterations, 0u);
+  const Truth t = truth(tissue, patch, w);
+  EXPECT_LT((s.force_n - t.force_n).norm(), 1e-5 * t.force_n.norm());
+}
+
+TEST(SolidSolver, UnderALoadItIsTheSparseFactors) {
+  const Queue queue = test_device()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = rough(small_grid(), 0.49, 30);
+  const SurfacePatch patch = patch_of(tissue.grid, 0, 2, 0);
+  const Eigen::VectorXd p = pushed(patch);
+  const Eigen::VectorXd u = reference::SolidReference(tissue).compliance(patch.unknowns) * p;
+  SolidSolver<double> solver(queue, tissue);
+  const SolidSolution s = solver.load(patch.unknowns, p, {.relative_error = 1e-9});
+  EXPECT_LT((s.displacement_m - u).norm(), 1e-8 * u.norm());
+  for (std::size_t k = 0; k < s.iterations; k += 4) {
+    const SolidSolution early = solver.load(patch.unknowns, p, {.relative_error = 0, .max_iterations = k});
+    const double error = u.dot(p) / 2 - early.energy_j;
+    EXPECT_GE(error, -1e-12 * early.energy_j);
+    EXPECT_LE(error, early.energy_error_j + 1e-12 * early.energy_j) << "iteration " << k;
+  }
+}
+
+TEST(SolidSolver, InFloatItIsTheDoubleOneToRounding) {
+  const SolidTissue tissue = rough(small_grid(), 0.49, 10);
+  const SurfacePatch patch = patch_of(tissue.grid, 1, 1, 1e-3);
+  const Eigen::VectorXd w = pushed(patch);
+  SolidSolver<float> solver(test_device()->queue(), tissue);
+  const SolidSolution s = solver.push(patch, w, {.relative_error = 1e-4});
+  EXPECT_EQ(s.reason, StopReason::kConverged);
+  const Truth t = truth(tissue, patch, w);
+  EXPECT_LT((s.force_n - t.force_n).norm(), 1e-4 * t.force_n.norm());
+}
+
+// In float the stiffness itself is rounded, and the bound knows nothing of it.
+TEST(SolidSolver, StatesWhatRoundingMayLeave) {
+  for (const double nu : {0.3, 0.49, 0.4999}) {
+    const SolidTissue tissue = rough(small_grid(), nu, 10);
+    const SurfacePatch patch = patch_of(tissue.grid, 1, 1, 0);
+    const Eigen::VectorXd w = pushed(patch);
+    const Truth t = truth(tissue, patch, w);
+    SolidSolver<float> solver(test_device()->queue(), tissue);
+    const SolidSolution s = solver.push(patch, w, {.relative_error = 1e-7});
+    EXPECT_NE(s.reason, StopReason::kConverged) << nu << ": float cannot";
+    EXPECT_LT(s.iterations, 80u) << "in vain";
+    // |p - truth| in the norm of the compliance is part of the error that is stated.
+    Eigen::MatrixXd compliance = reference::SolidReference(tissue).compliance(patch.unknowns);
+    const Eigen::VectorXd off = s.force_n - t.force_n;
+    const double error = std::sqrt(off.dot(compliance * off) / (2 * t.energy_j));
+    EXPECT_LE(error, s.relative_error()) << nu;
+    EXPECT_GT(s.relative_error(), 1e-7) << nu;
+  }
+}
+
+}  // namespace
+}  // namespace teletact::service
