@@ -133,10 +133,10 @@ TEST_F(LookingOn, WhoAcknowledgesNothingIsEndedAndWhoLiesToo) {
   EXPECT_THROW(observer.due(begin + patience + milliseconds(1), true, false), Error);
 }
 
-TEST_F(LookingOn, WishesThatCannotBeMetAreNamed) {
-  const auto refused = [&](Observer::Wishes wishes, const char* field) {
+TEST_F(LookingOn, OptionsThatCannotBeMetAreNamed) {
+  const auto refused = [&](Observer::Options options, const char* field) {
     try {
-      Observer observer(scene, wishes);
+      Observer observer(scene, options);
       return testing::AssertionFailure() << "taken";
     } catch (const std::invalid_argument& error) {
       return std::string(error.what()).starts_with(field) ? testing::AssertionSuccess()
