@@ -100,11 +100,6 @@ double LayeredTouch::Row::force_n() const {
   return std::exp(log_force);
 }
 
-bool LayeredTouch::knows(const Fingertip& tip) {
-  return tip.friction == Friction::kFrictionless &&
-         (tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere);
-}
-
 // Cubic through two rows, of ln F over ln d, at share t of the way.
 struct LayeredTouch::Between {
   Between(const Row& before, const Row& after)
@@ -143,7 +138,7 @@ struct LayeredTouch::Between {
 // the surface as a tip does whose Abel transform is f(t) + 2/pi Int f(u) Int (M - 1) cos(s t) cos(s u) ds du:
 // d - t^2 / R of a paraboloid, d - t artanh(t / R) of a sphere. It is borne up to where f(a) = 0.
 LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
-  if (!knows(tip)) throw std::invalid_argument("layered touch: a frictionless rounded tip or a sphere alone");
+  if (!round_and_frictionless(tip)) throw std::invalid_argument("layered touch: a frictionless rounded tip or a sphere alone");
   const LayerStack stack = merged(given);
   const double nu = stack.poisson_ratio, plane_pa = stack.youngs_modulus_pa.front() / (1 - nu * nu);
   const bool sphere = tip.shape == FingertipShape::kSphere;

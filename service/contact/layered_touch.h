@@ -20,8 +20,7 @@ class LayeredTouch {
       return {force_n * stiffer, stiffness_n_m * stiffer, energy_j * stiffer, radius_m};
     }
   };
-  // A rounded tip or a sphere, frictionless; else std::invalid_argument.
-  static bool knows(const Fingertip&);
+  // Throws std::invalid_argument unless the tip is round and frictionless.
   LayeredTouch(const LayerStack&, const Fingertip&);
   // Indentation that it knows; 0 where no contact could be solved.
   double max_m() const { return rows_.empty() ? 0 : rows_.back().indentation_m; }

@@ -206,7 +206,7 @@ std::shared_ptr<const SharesTouch> SolidContact<T>::shares(const Fingertip& tip)
 template <class T>
 std::shared_ptr<const LayeredTouch> SolidContact<T>::exact_touch(const Fingertip& tip) const {
   constexpr std::size_t kMaxTips = 32;
-  if (row() > 0 || !LayeredTouch::knows(tip)) return nullptr;
+  if (row() > 0 || !round_and_frictionless(tip)) return nullptr;
   auto& exact = factor_->exact;
   const auto found = [&]() -> std::shared_ptr<const LayeredTouch> {
     const auto at = std::ranges::find(exact, tip, [](const auto& e) { return e.first; });

@@ -10,6 +10,11 @@ namespace teletact::service {
 
 TouchModel::TouchModel(MemoryAccount account) : laws_(std::make_shared<ContactLaws>(std::move(account))) {}
 
+bool round_and_frictionless(const Fingertip& tip) {
+  return tip.friction == Friction::kFrictionless &&
+         (tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere);
+}
+
 double indentation_m(const Layer& layer, const TouchPose& pose) {
   double along_m = 0;
   for (std::size_t k = 0; k < 3; ++k) along_m += layer.normal[k] * pose.position_m[k];

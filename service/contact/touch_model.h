@@ -45,6 +45,7 @@ struct Fingertip {
   double pad_m_pa = 0;          // pad only: how far it gives way to a pressure, thickness over modulus
   bool operator==(const Fingertip&) const = default;
 };
+bool round_and_frictionless(const Fingertip&);
 
 // What is covered, [begin, end) both ways; a plane covers every z.
 struct Region {

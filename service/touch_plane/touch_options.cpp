@@ -6,7 +6,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/contact/layered_touch.h"
 
 namespace teletact::service {
 namespace {
@@ -83,7 +82,7 @@ TouchOptions canonical(TouchOptions options) {
 }
 
 bool has_shares(const TouchOptions& options, const Layer& layer, bool solid) {
-  return solid && layer == Layer{} && LayeredTouch::knows(options.fingertip);
+  return solid && layer == Layer{} && round_and_frictionless(options.fingertip);
 }
 
 void check(const TouchOptions& options, const Layer& layer, bool solid, const Limits& limits) {

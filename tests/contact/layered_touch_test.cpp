@@ -133,7 +133,7 @@ TEST(LayeredTouch, KnowsFrictionlessRoundTipsAlone) {
   Fingertip stuck = kRounded;
   stuck.friction = Friction::kStuck;
   for (const Fingertip& tip : {stuck, tip_of(FingertipShape::kFlatPunch), tip_of(FingertipShape::kNode)}) {
-    EXPECT_FALSE(LayeredTouch::knows(tip));
+    EXPECT_FALSE(round_and_frictionless(tip));
     EXPECT_THROW(LayeredTouch({{0.04}, {1e4}, 0.49}, tip), std::invalid_argument);
   }
 }

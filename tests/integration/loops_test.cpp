@@ -20,7 +20,7 @@ TEST(Loops, RunOverNothingThatATemporaryOwns) {
   ASSERT_TRUE(std::regex_search("for (const auto& w : scene.snapshot()->windows) {", loop));
   const fs::path root = test::required_environment("TELETACT_SOURCE_DIR");
   std::size_t read = 0;
-  for (const char* side : {"bench", "client", "law", "service", "tests"})
+  for (const char* side : {"bench", "client", "common", "service", "tests"})
     for (const auto& entry : fs::recursive_directory_iterator(root / side)) {
       const std::string extension = entry.path().extension().string();
       if (extension != ".h" && extension != ".cpp") continue;

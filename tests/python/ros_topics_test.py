@@ -142,7 +142,7 @@ def test_a_frame_that_changes_under_force_is_a_fault(liar):
 
 
 @pytest.mark.parametrize("options, why", [(["--axes", "x,y,-z"], "mirror"), (["--rate-hz", "5000"], "--rate-hz"),
-                                          (["--most-force-n", "nan"], "force_n"), (["--scenery", "1"], "unrecognized")])
+                                          (["--max-force-n", "nan"], "force_n"), (["--scenery", "1"], "unrecognized")])
 def test_options_that_are_refused(options, why, capsys):
     with pytest.raises(SystemExit):
         program.main(["ros", "--service", "unix:/nowhere", "--scene", "s", "--arm", "MTM", *options])

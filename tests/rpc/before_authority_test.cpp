@@ -216,6 +216,31 @@ TEST_F(Together, CallsOfWhoIsKnownAreNotCounted) {
   EXPECT_TRUE(peer.receive(100));
 }
 
+class Alone : public BeforeAuthority {
+ protected:
+  Alone() : BeforeAuthority(small(), limits()) {}
+  static Limits small() {  // messages: a connection may send two of the largest
+    Limits small;
+    small.max_scene_elements = 20'000;
+    return small;
+  }
+  static ConnectionLimits limits() {  // of one connection: all together have no limit
+    ConnectionLimits limits;
+    limits.unknown_bytes = Allowance(1e12, 1);
+    limits.unknown_window_bytes = 1 << 20;
+    return limits;
+  }
+};
+
+TEST_F(Alone, WhoSendsForEverIsCut) {
+  constexpr std::size_t kFrame = 16 << 10, kMaxFrames = (64 << 20) / kFrame;
+  const auto nothing = Http2Peer::frame(static_cast<Http2Peer::Type>(0xf0), 0, 0, std::string(kFrame, 'x'));
+  Http2Peer peer(address());
+  std::size_t frames = 0;
+  while (frames < kMaxFrames && peer.send(nothing)) ++frames;
+  EXPECT_LT(frames, kMaxFrames) << "it goes on";
+}
+
 TEST_F(BeforeAuthority, CompressedMessagesAreRefused) {
   const auto channel = server.channel();
   EXPECT_TRUE(get_info(channel).ok());

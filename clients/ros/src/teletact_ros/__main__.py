@@ -35,8 +35,8 @@ def main(arguments: list[str]) -> int:
                         " x, y and z; y goes into the tissue (--axes=x,-z,y)")
     parser.add_argument("--origin-m", type=float, nargs=3, default=[0.0, 0.0, 0.0], metavar=("X", "Y", "Z"),
                         help="where in the scene the arm's zero lies")
-    parser.add_argument("--most-force-n", type=float, default=usual.force_n)
-    parser.add_argument("--most-stiffness-n-m", type=float, default=usual.stiffness_n_m)
+    parser.add_argument("--max-force-n", type=float, default=usual.force_n)
+    parser.add_argument("--max-stiffness-n-m", type=float, default=usual.stiffness_n_m)
     parser.add_argument("--rate-hz", type=float, default=500.0, help="of servo_cf, 10 to 1000")
     parser.add_argument("--without-noise", action="store_true", help="the arm's positions stand still to the last bit in"
                         " a hand that does; that alone is no FAULT then")
