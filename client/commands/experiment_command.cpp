@@ -244,7 +244,7 @@ void run(const ExperimentArguments& arguments, const CLI::App& command) {
                                                  {"trials_per_stimulus", "--trials"},
                                                  {"background_n_m", "--background-n-m"},
                                                  {"lapse_rate", "--lapse-rate"},
-                                                 {"lapse_rate_max", "--fit-lapse-rate-most"},
+                                                 {"lapse_rate_max", "--fit-lapse-rate-max"},
                                                  {"weber_fraction", "--weber-fraction"},
                                                  {"equality_fraction", "--equality-fraction"},
                                                  {"resamples", "--resamples"},

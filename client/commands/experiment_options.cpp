@@ -132,7 +132,7 @@ void add_experiment_options(CLI::App& command, ExperimentArguments& arguments) {
       ->excludes(refit)
       ->excludes(seed);
   command
-      .add_option("--fit-lapse-rate-most", arguments.lapse_rate_max,
+      .add_option("--fit-lapse-rate-max", arguments.lapse_rate_max,
                   "fit a lapse rate too, up to this (maximum likelihood alone); 0 = no lapses")
       ->capture_default_str();
   command.add_option("--resamples", arguments.resamples, "of the bootstrap")

@@ -32,7 +32,7 @@ from teletact import recordings
 from teletact.errors import TeletactError
 
 _LOG = logging.getLogger("teletact.igtl")
-_MOST_BYTES = 1 << 20       # of a message that a peer sends
+_MAX_BYTES = 1 << 20       # of a message that a peer sends
 _FOLLOW_S = 0.5             # how often a scene's version is asked for
 _SILENCE_S = 0.5            # of a session, after which there is no force
 _PERIOD_S = 1 / 60          # of finger and force
@@ -136,7 +136,7 @@ class _Peer(threading.Thread):
         self._wake.setblocking(False)
         self._lock = threading.Lock()
         self._slots: dict[tuple[str, str], messages.Message] = {}
-        self._reader = messages.Reader(_MOST_BYTES)
+        self._reader = messages.Reader(_MAX_BYTES)
         self._version = 1  # as the peer speaks
         self._ended: str | None = None
         self._unused: set[str] = set()
