@@ -28,7 +28,7 @@ constexpr std::size_t kQueuedUploads = 2;  // as the client's session
 constexpr double kForeverS = 1e9;
 
 struct Arguments : SuiteOptions {
-  // The demonstration's 95 %: 327 to 409 ms on two quiet cores (README).
+  // About the 95 % of the demonstration: 385 to 446 ms on two quiet cores (README).
   double service_s = 0.41;
 };
 
