@@ -14,7 +14,7 @@ namespace teletact::client {
 
 struct PaidBlendOptions {
   double servo_period_s = 0.001;
-  double largest_jump = 0.06;       // of the force, per servo period: 7 % (T5.4) less what the finger moves
+  double largest_jump = 0.06;       // of the force, per servo period: 7 % (T5.8) less what the finger moves
   double unfelt_jump_n = 0.005;     // so that a first contact does not take for ever
   double largest_reserve_j = 0.02;  // dissipation is not saved up beyond this
 };

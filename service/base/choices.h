@@ -14,8 +14,8 @@ inline constexpr double kCoarse = 0.008;     // columns far away
 inline constexpr double kCoarseRow = 0.002;  // rows below kFineDepth
 inline constexpr double kFineDepth = 0.022;
 inline constexpr double kColumnGrowth = 1.3, kRowGrowth = 1.15;  // from fine to coarse
-// Tissue on each side of the window. T4 asks for 60 mm, which leaves a jump of 1.8 % where a finger is handed
-// over at the tissue's border; 80 mm leave 1.0 %, 100 mm 0.5 %, for 5 more coarse columns a side.
+// Tissue on each side of the window (T4). 60 mm leave a jump of 1.8 % where a finger is handed over at the
+// tissue's border; 80 mm leave 1.0 %, 100 mm 0.5 %, for 5 more coarse columns a side.
 inline constexpr double kContext = 0.100;
 inline constexpr double kRefresh = 0.060;  // windows this near are rebuilt when a window changes
 

@@ -1,5 +1,5 @@
 // The tissue that a window is touched on (T4): the window with context on each side, on a graded
-// grid (plan/choices.h). Fine columns lie on one lattice of the whole scene, so that the tissues of two
+// grid (base/choices.h). Fine columns lie on one lattice of the whole scene, so that the tissues of two
 // windows have the same nodes under a finger that is handed over from one to the other.
 #pragma once
 
