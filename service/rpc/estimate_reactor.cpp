@@ -105,10 +105,10 @@ void EstimateReactor::uploaded() {
   progressed(v1::ESTIMATE_STAGE_RECEIVED);
   if (!hold()) return;
   try {
-    const FairWorkers::Id job = lane_->workers().post(
+    const Workers::Id job = core_.imaging.workers().post(
         admitted_, [this] { work(); }, [this](std::exception_ptr error) { worked(std::move(error)); });
     const std::lock_guard lock(mutex_);
-    job_ = {&lane_->workers(), job};
+    job_ = job;
   } catch (...) {
     release();
     throw;
@@ -251,12 +251,12 @@ void EstimateReactor::tick(Clock::time_point now) {
 }
 
 void EstimateReactor::ended() {
-  ImagingJob job;
+  Workers::Id job = 0;
   {
     const std::lock_guard lock(mutex_);
     if (!worked_) job = job_;
   }
-  job.cancel();  // worked() comes at its next look, or at once
+  core_.imaging.workers().cancel(job);  // worked() comes at its next look, or at once
 }
 
 void EstimateReactor::closed() {
