@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "service/scene/workers.h"
 #include "service/scene/scene.h"
 #include "service/scene/state_keeper.h"
+#include "service/scene/workers.h"
 
 namespace teletact::service {
 

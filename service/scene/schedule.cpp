@@ -124,16 +124,22 @@ void Schedule::begun(Id id) {
   Device& device = devices_.at(job.terms.device);
   if (std::exchange(job.begun, true)) return;
   if (job.terms.owed) device.owed = id;
+  if (job.terms.background) charge(job, kSliceS);
   if (bounded(job)) ++device.begun, --device.waiting, --device.accounts.at(job.terms.client).waiting;
 }
 
 void Schedule::served(Id id, double seconds, Time now) {
   Job& job = jobs_.at(id);
   job.left_s = std::max(0.0, job.left_s - seconds);
-  Account& a = account(job.terms, now);
-  double& level_s = devices_.at(job.terms.device).level_s;
-  if (!job.terms.owed) level_s = std::max(level_s, a.served_s);
-  a.served_s += job.terms.background ? kSliceS : seconds;
+  account(job.terms, now);  // of what is owed, it may be new
+  if (!job.terms.background) charge(job, seconds);
+}
+
+void Schedule::charge(const Job& job, double seconds) {
+  Device& device = devices_.at(job.terms.device);
+  double& served_s = device.accounts.at(job.terms.client).served_s;
+  if (!job.terms.owed) device.level_s = std::max(device.level_s, served_s);
+  served_s += seconds;
 }
 
 void Schedule::ended(Id id, Time now) {

@@ -105,6 +105,7 @@ class Schedule {
   std::optional<Id> first(std::size_t device, Time now) const;
   Account& account(const JobTerms&, Time now);
   const Account& account(const Job&) const;
+  void charge(const Job&, double seconds);
   std::map<Id, Job> jobs_;
   std::map<std::size_t, Device> devices_;
   std::map<const void*, Id> held_;

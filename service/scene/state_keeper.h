@@ -12,10 +12,10 @@
 #include <set>
 #include <string>
 
-#include "service/scene/workers.h"
 #include "service/scene/scene.h"
 #include "service/scene/state_store.h"
 #include "service/scene/versions.h"
+#include "service/scene/workers.h"
 
 namespace teletact::service {
 

@@ -89,14 +89,14 @@ Workers::Id Workers::post(std::function<void()> work, const std::string& client)
   JobTerms terms;
   terms.client = client;
   terms.background = true;
-  const auto logged = [work = std::move(work)] {
+  auto logged = [work = std::move(work)] {
     try {
       work();
     } catch (const std::exception& error) {
       spdlog::error("event=job_failed error=\"{}\"", error.what());
     }
   };
-  return post(terms, logged, [](const std::exception_ptr&) {});
+  return post(terms, std::move(logged), [](const std::exception_ptr&) {});
 } catch (const Error&) {  // stopped
   return 0;
 }
