@@ -74,8 +74,7 @@ ImagingLane& ImagingPlane::lane_for(const std::shared_ptr<const Scene>& scene, c
 Workers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeometry& geometry,
                                      std::optional<ExplicitModulus> modulus, const std::string& client,
                                      const Scenes::Made& made) {
-  JobTerms terms;
-  terms.client = client;
+  const JobTerms terms{.client = client};
   return workers_.post(
       lane_for(nullptr, terms).here(terms),
       [this, id, geometry, modulus = std::move(modulus), client, made]() mutable {
@@ -88,8 +87,7 @@ Workers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeometry&
 
 Workers::Id ImagingPlane::publish_slice(const std::shared_ptr<Scene>& scene, ModulusSlice slice,
                                         const std::string& client, const Told& told) {
-  JobTerms terms;
-  terms.client = client;
+  const JobTerms terms{.client = client};
   const auto published = std::make_shared<Published>();
   return workers_.post(
       lane_for(scene, terms).here(terms),

@@ -38,12 +38,10 @@ Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::stri
         "state: the disk does not take it, and a restart of the service would lose it; the service's log "
         "says why");
   scenes_.keep_later(scene);
-  JobTerms terms;
-  terms.client = client;
-  terms.deadline = Workers::Clock::now() + kFreshWithin;
-  terms.owed = true;
-  terms.device = workers_.device_here();
-  refresh_later(scene, terms);
+  refresh_later(scene, {.client = client,
+                        .deadline = Workers::Clock::now() + kFreshWithin,
+                        .owed = true,
+                        .device = workers_.device_here()});
   return published;
 }
 

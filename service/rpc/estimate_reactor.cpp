@@ -82,10 +82,7 @@ void EstimateReactor::require_authority(const v1::Acquisition& in) {
 }
 
 JobTerms EstimateReactor::terms() const {
-  JobTerms terms;
-  terms.client = client_of(*context_);
-  terms.deadline = deadline_of(*context_);
-  return terms;
+  return {.client = client_of(*context_), .deadline = deadline_of(*context_)};
 }
 
 // The client has closed its side: the pair is whole, or refused.

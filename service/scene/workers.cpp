@@ -86,9 +86,6 @@ Workers::Id Workers::post(const JobTerms& terms, std::function<void()> work, Don
 }
 
 Workers::Id Workers::post(std::function<void()> work, const std::string& client) try {
-  JobTerms terms;
-  terms.client = client;
-  terms.background = true;
   auto logged = [work = std::move(work)] {
     try {
       work();
@@ -96,7 +93,7 @@ Workers::Id Workers::post(std::function<void()> work, const std::string& client)
       spdlog::error("event=job_failed error=\"{}\"", error.what());
     }
   };
-  return post(terms, std::move(logged), [](const std::exception_ptr&) {});
+  return post({.client = client, .background = true}, std::move(logged), [](const std::exception_ptr&) {});
 } catch (const Error&) {  // stopped
   return 0;
 }

@@ -13,10 +13,12 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
 #include <type_traits>
+#include <variant>
 
 #include "service/scene/schedule.h"
 
@@ -69,15 +71,24 @@ class Workers {
   template <class Work>
   auto run(const JobTerms& terms, Work work) {
     using Result = std::invoke_result_t<Work>;
-    auto task = std::make_shared<std::packaged_task<Result()>>(std::move(work));
-    auto failed = std::make_shared<std::promise<Result>>();
-    Running<Result> running{failed->get_future(), 0};
+    constexpr bool kNone = std::is_void_v<Result>;
+    const auto promise = std::make_shared<std::promise<Result>>();
+    const auto value = std::make_shared<std::optional<std::conditional_t<kNone, std::monostate, Result>>>();
+    Running<Result> running{promise->get_future(), 0};
     running.id = post(
-        terms, [task] { (*task)(); },
-        [task, failed,
-         value = std::make_shared<std::future<Result>>(task->get_future())](std::exception_ptr error) {
-          if (error) return failed->set_exception(error);
-          settle(*value, *failed);
+        terms,
+        [work = std::move(work), value]() mutable {
+          if constexpr (kNone)
+            work();
+          else
+            value->emplace(work());
+        },
+        [promise, value](const std::exception_ptr& error) {
+          if (error) return promise->set_exception(error);
+          if constexpr (kNone)
+            promise->set_value();
+          else
+            promise->set_value(*std::move(*value));
         });
     return running;
   }
@@ -100,17 +111,6 @@ class Workers {
     JobTerms::Time since;  // that it has been charged until
     double worked_s = 0;
   };
-  template <class Result>
-  static void settle(std::future<Result>& value, std::promise<Result>& to) try {
-    if constexpr (std::is_void_v<Result>) {
-      value.get();
-      to.set_value();
-    } else {
-      to.set_value(value.get());
-    }
-  } catch (...) {
-    to.set_exception(std::current_exception());
-  }
   using Lock = std::unique_lock<std::mutex>;
   void work();
   void work_on(Id, Job&, Lock&);
