@@ -21,9 +21,11 @@ constexpr double kOfCrossing = 0.85;
 
 }  // namespace
 
-ImagingLane::ImagingLane(std::size_t number, CurrentDevice& device, Publisher& publisher,
+ImagingLane::ImagingLane(std::size_t number, CurrentDevice& device, Workers& workers, Publisher& publisher,
                          std::shared_ptr<MemoryBudget> memory, Options options)
-    : device_(device),
+    : number_(number),
+      device_(device),
+      workers_(workers),
       publisher_(publisher),
       memory_(std::move(memory)),
       options_(std::move(options)),
@@ -33,8 +35,8 @@ ImagingLane::ImagingLane(std::size_t number, CurrentDevice& device, Publisher& p
   device_.on_failure([this](const std::string& why) { recovery_.failed(why); });
 }
 
-FairWorkers::Running<void> ImagingLane::warm() {
-  return workers_.run({}, [this] {
+Workers::Running<void> ImagingLane::warm() {
+  return workers_.run(here({}), [this] {
     const std::shared_ptr<Device> device = device_;
     if (device->was_tried()) return;  // by another service of this process
     engines_.borrow("")->warm();
@@ -43,16 +45,11 @@ FairWorkers::Running<void> ImagingLane::warm() {
   });
 }
 
-void ImagingLane::stop() {
-  workers_.stop();  // what runs ends at its next look
-  recovery_.stop();
-}
-
 // A new device, tried by an estimate and by touch's kernels; then it is everybody's.
 void ImagingLane::open_again() {
   const std::shared_ptr<Device> device = options_.reopen();
   workers_
-      .run({},
+      .run(here({}),
            [this, device] {
              engines_.use(device);
              engines_.borrow("")->warm();
@@ -63,7 +60,7 @@ void ImagingLane::open_again() {
 }
 
 JobTerms ImagingLane::terms(const EstimateRequest& request, const JobTerms& asked) const {
-  JobTerms terms = asked;
+  JobTerms terms = here(asked);
   terms.cost_s = cost_.expected_s(request.size());
   if (request.finish_within_s > 0)
     terms.deadline = std::min(terms.deadline, Clock::now() + seconds(request.finish_within_s));
@@ -80,7 +77,7 @@ void ImagingLane::require_in_time(const EstimateRequest& request, const JobTerms
 
 double ImagingLane::done_in_s(const EstimateRequest& request, const JobTerms& asked) const {
   JobTerms terms = this->terms(request, asked);
-  terms.cost_s = FairQueue::kSliceS;  // of devices alike, the one that was measured may look the quicker one
+  terms.cost_s = Schedule::kSliceS;  // of devices alike, the one that was measured may look the quicker one
   return workers_.done_in_s(terms);
 }
 

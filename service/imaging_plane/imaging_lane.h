@@ -1,5 +1,5 @@
 // One device of the imaging plane: what is estimated on it and when, how long that takes, and how the device
-// comes back when it fails. Its jobs take turns (fair_workers.h), below touch. Thread-safe.
+// comes back when it fails. Its jobs take turns (service/scene/schedule.h), below touch. Thread-safe.
 #pragma once
 
 #include <atomic>
@@ -42,13 +42,15 @@ class ImagingLane {
     std::function<void(const std::shared_ptr<Device>&)> warm;
     std::function<bool(const std::shared_ptr<const Scene>&)> images;
   };
-  ImagingLane(std::size_t number, CurrentDevice& device, Publisher&, std::shared_ptr<MemoryBudget>, Options);
+  // `workers` are all devices'; they are stopped before this ends.
+  ImagingLane(std::size_t number, CurrentDevice& device, Workers& workers, Publisher&,
+              std::shared_ptr<MemoryBudget>, Options);
 
   // Compiles the kernels; `future` is ready when that is done.
-  FairWorkers::Running<void> warm();
-  // Gives up what is worked on; nobody is told of the device any more.
-  void stop();
-  bool works() const { return recovery_.works() && workers_.silent_s() < stalled_s_; }
+  Workers::Running<void> warm();
+  // Nobody is told of the device any more.
+  void stop() { recovery_.stop(); }
+  bool works() const { return recovery_.works() && workers_.silent_s(number_) < stalled_s_; }
   // From now on it hangs after so long, and not after kStalledS.
   void hangs_after(double silent_s) { stalled_s_ = silent_s; }
   // Throws Error(kUnavailable) with the remedy while the device does not work.
@@ -69,8 +71,13 @@ class ImagingLane {
   EstimateOutcome estimate(const EstimateRequest&, const JobTerms&, Clock::time_point received,
                            const std::function<Frames()>& frames, const std::function<void(Stage)>& ended);
 
-  FairWorkers& workers() { return workers_; }
-  const FairWorkers& workers() const { return workers_; }
+  // `asked` on this device.
+  JobTerms here(JobTerms asked) const {
+    asked.device = number_;
+    return asked;
+  }
+  // That jobs were at work with it, of the time since the start.
+  double busy_s() const { return workers_.worked_s(number_); }
 
  private:
   void open_again();
@@ -84,14 +91,15 @@ class ImagingLane {
   void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
   EstimateOutcome work(const EstimateRequest&, const JobTerms&, Clock::time_point received,
                        const Frames& frames, const std::function<void(Stage)>& ended);
+  const std::size_t number_;
   CurrentDevice& device_;
+  Workers& workers_;
   Publisher& publisher_;
   const std::shared_ptr<MemoryBudget> memory_;
   const Options options_;
   std::atomic<double> stalled_s_{kStalledS};
   EstimateCost cost_;
   Engines engines_;
-  FairWorkers workers_;      // its jobs use all of the above
   DeviceRecovery recovery_;  // last: its thread uses the rest
 };
 

@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -14,17 +13,17 @@ ImagingPlane::ImagingPlane(std::deque<CurrentDevice>& devices, Scenes& scenes,
                            const std::shared_ptr<const TouchModels>& models,
                            std::function<std::shared_ptr<Device>(std::size_t)> reopen,
                            std::function<void(bool)> tell)
-    : scenes_(scenes), works_(devices.size(), true), tell_(std::move(tell)), publisher_(scenes) {
+    : scenes_(scenes), works_(devices.size(), true), tell_(std::move(tell)), publisher_(scenes, workers_) {
   for (std::size_t k = 0; k < devices.size(); ++k)
-    lanes_.emplace_back(
-        k, devices[k], publisher_, memory,
-        ImagingLane::Options{[reopen, k] { return reopen(k); }, [this, k](bool works) { this->tell(k, works); },
-                          [models, k](const std::shared_ptr<Device>& device) {
-                            if (k == 0) models->warm(device);
-                          },
-                          [this, k](const std::shared_ptr<const Scene>& scene) {
-                            return lanes_.size() == 1 || places_.is_at(scene, k);
-                          }});
+    lanes_.emplace_back(k, devices[k], workers_, publisher_, memory,
+                        ImagingLane::Options{[reopen, k] { return reopen(k); },
+                                             [this, k](bool works) { this->tell(k, works); },
+                                             [models, k](const std::shared_ptr<Device>& device) {
+                                               if (k == 0) models->warm(device);
+                                             },
+                                             [this, k](const std::shared_ptr<const Scene>& scene) {
+                                               return lanes_.size() == 1 || places_.is_at(scene, k);
+                                             }});
 }
 
 // The lanes' devices fail and come back on threads of their own.
@@ -37,15 +36,14 @@ void ImagingPlane::tell(std::size_t number, bool works) {
 }
 
 void ImagingPlane::warm() {
-  std::vector<FairWorkers::Running<void>> warming;
+  std::vector<Workers::Running<void>> warming;
   for (ImagingLane& lane : lanes_) warming.push_back(lane.warm());
   for (auto& one : warming) one.future.get();
 }
 
-// All at once: one whose device hangs holds the others up.
 void ImagingPlane::stop() {
-  std::vector<std::jthread> stopping;
-  for (ImagingLane& lane : lanes_) stopping.emplace_back([&lane] { lane.stop(); });
+  workers_.stop();  // what runs ends at its next look
+  for (ImagingLane& lane : lanes_) lane.stop();
 }
 
 void ImagingPlane::require_device() const {
@@ -69,40 +67,34 @@ ImagingLane& ImagingPlane::lane_for(const EstimateRequest& request, const JobTer
 // What is no estimate: nobody knows how long it takes.
 ImagingLane& ImagingPlane::lane_for(const std::shared_ptr<const Scene>& scene, const JobTerms& asked) {
   JobTerms terms = asked;
-  terms.cost_s = FairQueue::kSliceS;
-  return lane_for(scene, [&](const ImagingLane& lane) { return lane.workers().done_in_s(terms); });
+  terms.cost_s = Schedule::kSliceS;
+  return lane_for(scene, [&](const ImagingLane& lane) { return workers_.done_in_s(lane.here(terms)); });
 }
 
-ImagingJob ImagingPlane::make_scene(const std::string& id, const SceneGeometry& geometry,
-                                    std::optional<ExplicitModulus> modulus, const std::string& client,
-                                    const Scenes::Made& made) {
-  JobTerms terms;
-  terms.client = client;
-  FairWorkers& workers = lane_for(nullptr, terms).workers();
-  const auto job = workers.post(
-      terms,
+Workers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeometry& geometry,
+                                     std::optional<ExplicitModulus> modulus, const std::string& client,
+                                     const Scenes::Made& made) {
+  const JobTerms terms{.client = client};
+  return workers_.post(
+      lane_for(nullptr, terms).here(terms),
       [this, id, geometry, modulus = std::move(modulus), client, made]() mutable {
         scenes_.make(id, geometry, std::move(modulus), made, client);
       },
       [made](const std::exception_ptr& error) {
         if (error) made(nullptr, error);
       });
-  return {&workers, job};
 }
 
-ImagingJob ImagingPlane::publish_slice(const std::shared_ptr<Scene>& scene, ModulusSlice slice,
-                                       const std::string& client, const Told& told) {
-  JobTerms terms;
-  terms.client = client;
+Workers::Id ImagingPlane::publish_slice(const std::shared_ptr<Scene>& scene, ModulusSlice slice,
+                                        const std::string& client, const Told& told) {
+  const JobTerms terms{.client = client};
   const auto published = std::make_shared<Published>();
-  FairWorkers& workers = lane_for(scene, terms).workers();
-  const auto job = workers.post(
-      terms,
+  return workers_.post(
+      lane_for(scene, terms).here(terms),
       [this, scene, slice = std::move(slice), client, published] {
         *published = publisher_.publish(scene, slice, client);
       },
       [told, published](const std::exception_ptr& error) { told(*published, error); });
-  return {&workers, job};
 }
 
 }  // namespace teletact::service

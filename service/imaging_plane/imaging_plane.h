@@ -16,16 +16,6 @@
 
 namespace teletact::service {
 
-// A job that was posted.
-struct ImagingJob {
-  FairWorkers* workers = nullptr;
-  FairWorkers::Id id = 0;
-  // FairWorkers::cancel; does nothing where there is none.
-  void cancel() const {
-    if (workers) workers->cancel(id);
-  }
-};
-
 class ImagingPlane {
  public:
   // `devices`: at least one; touch uses the first, too. `reopen` opens the device of this number anew after
@@ -34,6 +24,9 @@ class ImagingPlane {
                const std::shared_ptr<const TouchModels>&,
                std::function<std::shared_ptr<Device>(std::size_t number)> reopen,
                std::function<void(bool works)> tell);
+  ~ImagingPlane() { stop(); }
+  ImagingPlane(const ImagingPlane&) = delete;
+  ImagingPlane& operator=(const ImagingPlane&) = delete;
 
   // Compiles the kernels.
   void warm();
@@ -45,13 +38,15 @@ class ImagingPlane {
   // Where it is to be estimated: with its scene's other windows.
   ImagingLane& lane_for(const EstimateRequest&, const JobTerms& asked);
   // Makes a scene as Scenes::make. `made` is told with what became of it, once.
-  ImagingJob make_scene(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
-                        const std::string& client, const Scenes::Made& made);
+  Workers::Id make_scene(const std::string& id, const SceneGeometry&, std::optional<ExplicitModulus>,
+                         const std::string& client, const Scenes::Made& made);
   // Publishes it. `told` what became of that, once.
   using Told = std::function<void(const Published&, std::exception_ptr)>;
-  ImagingJob publish_slice(const std::shared_ptr<Scene>&, ModulusSlice, const std::string& client,
-                           const Told& told);
+  Workers::Id publish_slice(const std::shared_ptr<Scene>&, ModulusSlice, const std::string& client,
+                            const Told& told);
 
+  // Whose threads all of it is done on; a job is cancelled here.
+  Workers& workers() { return workers_; }
   std::deque<ImagingLane>& lanes() { return lanes_; }
   // Scenes that another device took over.
   std::uint64_t scenes_moved() const { return places_.moved(); }
@@ -66,6 +61,7 @@ class ImagingPlane {
   std::vector<bool> works_;
   const std::function<void(bool)> tell_;
   SceneLanes places_;
+  Workers workers_;
   Publisher publisher_;
   std::deque<ImagingLane> lanes_;  // last: their threads use the rest
 };

@@ -2,16 +2,15 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
-#include <map>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <string>
 #include <utility>
 
-#include "service/imaging_plane/fair_workers.h"
 #include "service/scene/scenes.h"
+#include "service/scene/workers.h"
 
 namespace teletact::service {
 
@@ -22,9 +21,9 @@ class Publisher {
   // For another device's job to end that changes the scene.
   static constexpr std::chrono::milliseconds kPatience{10'000};
 
-  explicit Publisher(Scenes& scenes, std::chrono::milliseconds patience = kPatience)
-      : scenes_(scenes), patience_(patience) {}
-  // On a thread of FairWorkers, else std::logic_error: publishes; the neighbours are then refreshed and the
+  Publisher(Scenes& scenes, Workers& workers, std::chrono::milliseconds patience = kPatience)
+      : scenes_(scenes), workers_(workers), patience_(patience) {}
+  // On a thread of the workers, else std::logic_error: publishes; the neighbours are then refreshed and the
   // scene is kept on disk by themselves, at the client's account. Throws Error(kUnavailable) where the
   // scene's former device hangs in the midst of a change.
   Published publish(const std::shared_ptr<Scene>&, const WindowEstimate&, const std::string& client);
@@ -32,27 +31,20 @@ class Publisher {
   Published publish(const std::shared_ptr<Scene>&, const ModulusSlice&, const std::string& client);
 
  private:
-  class Changing;
-  struct Changer {
-    FairWorkers* workers;
-    FairWorkers::Id job;
-  };
-  // Returns when nobody changes the scene but `changing`.
-  void take_turn(const Scene&, Changing& changing);
-  void let_end(const Scene&, const Changer&, FairWorkers::Clock::time_point patient_until);
-  // Has `change` change the scene, alone, and sees to what follows.
-  template <class Change>
-  Published change(const std::shared_ptr<Scene>&, const std::string& client, const Change& change);
+  // Has `change` change the scene, and no other job meanwhile: one that made way in the midst of it goes on
+  // before another may.
+  void change_alone(const Scene&, const std::function<void()>& change);
+  // The same, and sees to what follows.
+  Published change(const std::shared_ptr<Scene>&, const std::string& client,
+                   const std::function<Published()>& change);
   void refresh_later(const std::shared_ptr<Scene>&, const JobTerms&);
   void refresh(const std::shared_ptr<Scene>&, JobTerms);
   Scenes& scenes_;
+  Workers& workers_;
   const std::chrono::milliseconds patience_;
   std::mutex mutex_;
   // A background job of these waits for them: not one for all, since those of a device may hang.
-  std::set<std::pair<const FairWorkers*, const Scene*>> refreshing_;
-  // The job, which others may have made wait, that changes them.
-  std::map<const Scene*, Changer> changing_;
-  std::condition_variable changed_;
+  std::set<std::pair<std::size_t, const Scene*>> refreshing_;
 };
 
 }  // namespace teletact::service

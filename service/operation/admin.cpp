@@ -83,7 +83,7 @@ void add_devices(Core& core, Families& out) {
   out.begin("teletact_imaging_busy_seconds_total",
             "That the imaging plane was at work with a device; one job works at a time with each",
             MetricType::Counter);
-  add([](const ImagingLane& lane) { return lane.workers().worked_s(); });
+  add([](const ImagingLane& lane) { return lane.busy_s(); });
   out.begin("teletact_device_works", "1: estimates are made on it; 0: it failed, or hangs");
   add([](const ImagingLane& lane) { return lane.works() ? 1.0 : 0.0; });
   out.begin("teletact_scenes_moved_total", "Scenes that another device took over", MetricType::Counter);

@@ -16,7 +16,7 @@
 #include "common/host.h"
 #include "common/listener.h"
 #include "service/rpc/address.h"
-#include "service/scene/niced_worker.h"
+#include "service/scene/workers.h"
 
 namespace teletact::service {
 namespace {

@@ -82,10 +82,7 @@ void EstimateReactor::require_authority(const v1::Acquisition& in) {
 }
 
 JobTerms EstimateReactor::terms() const {
-  JobTerms terms;
-  terms.client = client_of(*context_);
-  terms.deadline = deadline_of(*context_);
-  return terms;
+  return {.client = client_of(*context_), .deadline = deadline_of(*context_)};
 }
 
 // The client has closed its side: the pair is whole, or refused.
@@ -105,10 +102,10 @@ void EstimateReactor::uploaded() {
   progressed(v1::ESTIMATE_STAGE_RECEIVED);
   if (!hold()) return;
   try {
-    const FairWorkers::Id job = lane_->workers().post(
+    const Workers::Id job = core_.imaging.workers().post(
         admitted_, [this] { work(); }, [this](std::exception_ptr error) { worked(std::move(error)); });
     const std::lock_guard lock(mutex_);
-    job_ = {&lane_->workers(), job};
+    job_ = job;
   } catch (...) {
     release();
     throw;
@@ -251,12 +248,12 @@ void EstimateReactor::tick(Clock::time_point now) {
 }
 
 void EstimateReactor::ended() {
-  ImagingJob job;
+  Workers::Id job = 0;
   {
     const std::lock_guard lock(mutex_);
     if (!worked_) job = job_;
   }
-  job.cancel();  // worked() comes at its next look, or at once
+  core_.imaging.workers().cancel(job);  // worked() comes at its next look, or at once
 }
 
 void EstimateReactor::closed() {

@@ -66,7 +66,7 @@ class EstimateReactor final
   bool uploading_ = true, worked_ = false;
   double whole_upload_s_;  // at most, by what the acquisition declares
   Clock::time_point last_bytes_ = opened_;
-  ImagingJob job_;
+  Workers::Id job_ = 0;
   std::deque<v1::EstimateProgress> progress_;
   std::size_t written_ = 0;      // messages of the outcome
   v1::EstimateResponse answer_;  // gRPC's, while a write is in flight

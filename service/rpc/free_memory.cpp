@@ -8,7 +8,7 @@
 #include <fstream>
 #include <mutex>
 
-#include "service/scene/niced_worker.h"
+#include "service/scene/workers.h"
 
 namespace teletact::service {
 

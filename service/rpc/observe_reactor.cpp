@@ -36,13 +36,12 @@ void touch_to(const ObservedTouch& in, std::uint64_t instance, v1::TouchAnswer* 
 
 }  // namespace
 
-ObserveReactor::ObserveReactor(Core& core, NicedWorker& copying, grpc::CallbackServerContext* context)
+ObserveReactor::ObserveReactor(Core& core, Workers& copying, grpc::CallbackServerContext* context)
     : ServedStream(core, context, Allowance(2 * core.limits.max_observe_rate_hz)),
       core_(core),
       copying_(copying) {}
 
-ObserveReactor* ObserveReactor::serve(Core& core, NicedWorker& copying,
-                                      grpc::CallbackServerContext* context) {
+ObserveReactor* ObserveReactor::serve(Core& core, Workers& copying, grpc::CallbackServerContext* context) {
   return ServedCall::serve(std::make_shared<ObserveReactor>(core, copying, context), CallKind::kObserve);
 }
 

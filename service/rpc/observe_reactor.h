@@ -17,9 +17,9 @@ namespace v1 = ::teletact::v1;
 
 class ObserveReactor final : public ServedStream<v1::ObserveRequest, v1::Observation> {
  public:
-  ObserveReactor(Core&, NicedWorker&, grpc::CallbackServerContext*);
+  ObserveReactor(Core&, Workers&, grpc::CallbackServerContext*);
   // `copying`: makes what is large.
-  static ObserveReactor* serve(Core&, NicedWorker& copying, grpc::CallbackServerContext*);
+  static ObserveReactor* serve(Core&, Workers& copying, grpc::CallbackServerContext*);
 
  private:
   std::optional<Wanted> wanted(const v1::ObserveRequest&) const override;
@@ -31,7 +31,7 @@ class ObserveReactor final : public ServedStream<v1::ObserveRequest, v1::Observa
   void open(const v1::ObserveOpen&);
 
   Core& core_;
-  NicedWorker& copying_;
+  Workers& copying_;
   const Clock::time_point begun_ = Clock::now();
   std::unique_ptr<Observer> observer_;
   std::unique_ptr<SceneNews> news_;

@@ -27,13 +27,13 @@ grpc::ServerUnaryReactor* PalpationService::CreateScene(grpc::CallbackServerCont
                                             (request->slices().empty() ? 3 : 5) * request->ByteSizeLong()));
     const SceneGeometry geometry = geometry_from(request->geometry(), core_.limits);
     std::optional<ExplicitModulus> modulus = modulus_from(*request, core_.limits);
-    const ImagingJob job = core_.imaging.make_scene(
+    const auto job = core_.imaging.make_scene(
         request->scene_id(), geometry, std::move(modulus), client,
         [=, this](const std::shared_ptr<Scene>& scene, std::exception_ptr error) {
           if (error) return call->fail(error);
           call->answer(*response, [&] { scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response); });
         });
-    call->drop_by([job] { job.cancel(); });
+    call->drop_by([this, job] { core_.imaging.workers().cancel(job); });
   });
 }
 
@@ -47,7 +47,7 @@ grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerCon
     const std::string client = client_of(*context);
     call->hold(core_.account(client).charge(Place::kHost, "uploads", 3 * request->ByteSizeLong()));
     const auto scene = core_.scenes.find(request->scene_id());
-    const ImagingJob job =
+    const auto job =
         core_.imaging.publish_slice(scene, slice_from("slice", request->slice(), *scene->solid()), client,
                                     [=](const Published& published, std::exception_ptr error) {
                                       if (error) return call->fail(error);
@@ -58,7 +58,7 @@ grpc::ServerUnaryReactor* PalpationService::PublishSlice(grpc::CallbackServerCon
                                           response->add_warnings(warning);
                                       });
                                     });
-    call->drop_by([job] { job.cancel(); });
+    call->drop_by([this, job] { core_.imaging.workers().cancel(job); });
   });
 }
 
@@ -77,7 +77,7 @@ grpc::ServerUnaryReactor* PalpationService::GetScene(grpc::CallbackServerContext
         scene_to(*scene, request->view(), core_.instance, response);
       });
     });
-    call->drop_by([this, job] { copying_.drop(job); });
+    call->drop_by([this, job] { copying_.cancel(job); });
   });
 }
 
@@ -97,7 +97,7 @@ grpc::ServerUnaryReactor* PalpationService::ListScenes(grpc::CallbackServerConte
           scene_to(*scene, v1::SCENE_VIEW_BASIC, core_.instance, response->add_scenes());
       });
     });
-    call->drop_by([this, job] { copying_.drop(job); });
+    call->drop_by([this, job] { copying_.cancel(job); });
   });
 }
 
@@ -110,7 +110,7 @@ grpc::ServerUnaryReactor* PalpationService::DeleteScene(grpc::CallbackServerCont
     require_named(*context, request->scene_id());
     const auto job = removing_.post(
         [=, this] { call->answer(*response, [&] { core_.scenes.remove(request->scene_id()); }); });
-    call->drop_by([this, job] { removing_.drop(job); });
+    call->drop_by([this, job] { removing_.cancel(job); });
   });
 }
 

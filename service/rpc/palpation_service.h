@@ -2,7 +2,7 @@
 #pragma once
 
 #include "service/rpc/core.h"
-#include "service/scene/niced_worker.h"
+#include "service/scene/workers.h"
 #include "teletact/v1/palpation.grpc.pb.h"
 
 namespace teletact::service {
@@ -32,7 +32,7 @@ class PalpationService final : public v1::Palpation::CallbackService {
  private:
   Core& core_;
   // Neither may hold up gRPC's threads, which touch needs: copying a scene's maps, and waiting for the disk.
-  NicedWorker copying_, removing_;
+  Workers copying_, removing_;
 };
 
 }  // namespace teletact::service

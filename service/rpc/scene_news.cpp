@@ -58,12 +58,12 @@ void SceneNews::Work::make() {
   charge = std::move(held);
 }
 
-SceneNews::SceneNews(const Core& core, NicedWorker& worker, std::shared_ptr<Scene> scene, std::string client,
+SceneNews::SceneNews(const Core& core, Workers& worker, std::shared_ptr<Scene> scene, std::string client,
                      const v1::ObserveOpen& open)
     : worker_(worker), work_(std::make_shared<Work>(core, std::move(scene), std::move(client), open)) {}
 
 SceneNews::~SceneNews() {
-  if (posted_ != 0) worker_.drop(posted_);
+  if (posted_ != 0) worker_.cancel(posted_);
 }
 
 bool SceneNews::ready() const {

@@ -11,7 +11,7 @@
 
 #include "service/rpc/core.h"
 #include "service/rpc/observed_maps.h"
-#include "service/scene/niced_worker.h"
+#include "service/scene/workers.h"
 #include "teletact/v1/palpation.pb.h"
 
 namespace teletact::service {
@@ -22,8 +22,7 @@ namespace v1 = ::teletact::v1;
 class SceneNews {
  public:
   // Throws as ObservedMaps. `client`: to whom it is charged; `worker`: who makes it.
-  SceneNews(const Core&, NicedWorker& worker, std::shared_ptr<Scene>, std::string client,
-            const v1::ObserveOpen&);
+  SceneNews(const Core&, Workers& worker, std::shared_ptr<Scene>, std::string client, const v1::ObserveOpen&);
   ~SceneNews();  // what waits to be made is not made any more
   SceneNews(const SceneNews&) = delete;
   SceneNews& operator=(const SceneNews&) = delete;
@@ -37,9 +36,9 @@ class SceneNews {
  private:
   // Shared with the work, which may outlive the call.
   struct Work;
-  NicedWorker& worker_;
+  Workers& worker_;
   const std::shared_ptr<Work> work_;
-  NicedWorker::Id posted_ = 0;
+  Workers::Id posted_ = 0;
   std::uint64_t version_ = 0;  // that was asked for last
   bool first_ = true;
   Charge sent_;

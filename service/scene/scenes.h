@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "service/scene/niced_worker.h"
 #include "service/scene/scene.h"
 #include "service/scene/state_keeper.h"
+#include "service/scene/workers.h"
 
 namespace teletact::service {
 
@@ -67,7 +67,7 @@ class Scenes {
   // Last: their jobs use all of the above.
   StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.
-  const std::shared_ptr<NicedWorker> preparer_ = std::make_shared<NicedWorker>();
+  const std::shared_ptr<Workers> preparer_ = std::make_shared<Workers>();
 };
 
 }  // namespace teletact::service

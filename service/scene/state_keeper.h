@@ -12,10 +12,10 @@
 #include <set>
 #include <string>
 
-#include "service/scene/niced_worker.h"
 #include "service/scene/scene.h"
 #include "service/scene/state_store.h"
 #include "service/scene/versions.h"
+#include "service/scene/workers.h"
 
 namespace teletact::service {
 
@@ -71,7 +71,7 @@ class StateKeeper {
   mutable std::mutex mutex_;
   std::set<std::shared_ptr<Scene>> waiting_, unkept_;  // for the keeper; for the disk to take them
   std::string trouble_;
-  NicedWorker keeper_;  // last: its jobs use all of the above
+  Workers keeper_;  // last: its jobs use all of the above
 };
 
 }  // namespace teletact::service

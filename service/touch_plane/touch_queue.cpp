@@ -50,11 +50,7 @@ bool TouchQueue::mostly_long(const Account& account) const {
 TouchQueue::Id TouchQueue::join(const Principal& principal, Clock::duration period) {
   const auto [at, comes_anew] = accounts_.try_emplace(principal.name);
   Account& account = at->second;
-  if (comes_anew) {
-    account.id = ++last_;
-    account.weight = principal.weight;
-    by_id_[account.id] = &account;
-  }
+  if (comes_anew) account.weight = principal.weight;
   ++account.streams;
   ++fresh_;
   Stream& stream = streams_[++last_];
@@ -75,10 +71,7 @@ void TouchQueue::leave(Id id) {
   }
   streams_.erase(found);
   if (--account.streams > 0) return;
-  by_id_.erase(account.id);
-  const auto own = std::find_if(accounts_.begin(), accounts_.end(),
-                                [&](const auto& entry) { return &entry.second == &account; });
-  accounts_.erase(own);
+  std::erase_if(accounts_, [&](const auto& entry) { return &entry.second == &account; });
 }
 
 TouchQueue::Clock::duration TouchQueue::kept(const Stream& stream) const {
@@ -127,15 +120,14 @@ void TouchQueue::come(Account& account, TurnKind kind) {
   if (account.idle_in(kind)) at_least(account.served_in_s[kind], level_in_s_[kind]);
 }
 
-TouchQueue::Order TouchQueue::order(double served_s, Time deadline, const Account& account) {
-  return {std::llround(std::floor(served_s / kSliceS)), deadline, account.id};
+TouchQueue::Order TouchQueue::order(double served_s, const std::pair<Time, Id>& first) {
+  return {std::llround(std::floor(served_s / kSliceS)), first.first, first.second};
 }
 
 void TouchQueue::reorder(Account& account, TurnKind kind) {
   auto& place = account.order[kind];
   std::optional<Order> now;
-  if (!account.ready[kind].empty())
-    now = order(account.served_in_s[kind], account.ready[kind].begin()->first, account);
+  if (!account.ready[kind].empty()) now = order(account.served_in_s[kind], *account.ready[kind].begin());
   if (now == place) return;
   if (place) order_[kind].erase(*place);
   if (now) order_[kind].insert(*now);
@@ -166,8 +158,8 @@ TouchQueue::TurnKind TouchQueue::next_kind() const {
   if (order_[kShortTurns].empty()) return kLongTurns;
   if (order_[kLongTurns].empty() || !long_may_run()) return kShortTurns;
   const auto in_all = [&](TurnKind kind) {
-    const Account& account = *by_id_.at(std::get<2>(*order_[kind].begin()));
-    return order(account.served_s, account.ready[kind].begin()->first, account);
+    const Account& account = *streams_.at(std::get<Id>(*order_[kind].begin())).account;
+    return order(account.served_s, *account.ready[kind].begin());
   };
   return in_all(kLongTurns) < in_all(kShortTurns) ? kLongTurns : kShortTurns;
 }
@@ -176,10 +168,10 @@ std::optional<TouchQueue::Turn> TouchQueue::begin(Time now) {
   look(now);
   if (!any_ready()) return std::nullopt;
   const TurnKind kind = next_kind();
-  Account& account = *by_id_.at(std::get<2>(*order_[kind].begin()));
-  const Id id = account.ready[kind].begin()->second;
-  account.ready[kind].erase(account.ready[kind].begin());
+  const Id id = std::get<Id>(*order_[kind].begin());
   Stream& stream = streams_.at(id);
+  Account& account = *stream.account;
+  account.ready[kind].erase({stream.deadline, id});
   stream.state = State::kRunning;
   stream.begun = now;
   long_running_ += kind == kLongTurns;

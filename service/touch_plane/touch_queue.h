@@ -46,7 +46,7 @@ class TouchQueue {
   enum TurnKind : std::size_t { kShortTurns, kLongTurns };
 
   struct Terms {
-    std::size_t workers = 2;    // at least
+    std::size_t workers = 2;  // at least
     double min_rate_hz = 20;  // no period becomes longer than this says
   };
   struct Principal {
@@ -89,8 +89,8 @@ class TouchQueue {
   template <class T>
   using ByKind = std::array<T, 2>;  // of TurnKind
   struct Account;
-  using Order = std::tuple<std::int64_t, Time, std::uint64_t>;  // slice of time served, deadline, account
-  static Order order(double served_s, Time deadline, const Account&);
+  using Order = std::tuple<std::int64_t, Time, Id>;  // slice of time served, deadline, stream
+  static Order order(double served_s, const std::pair<Time, Id>& first);
   struct Stream {
     Account* account = nullptr;
     Clock::duration period{};
@@ -105,7 +105,6 @@ class TouchQueue {
     bool expected_long() const { return last == Clock::duration::max() || std::popcount(long_turns) > 1; }
   };
   struct Account {
-    std::uint64_t id = 0;
     double weight = 1, served_s = 0;  // over the weight
     ByKind<double> served_in_s{};     // likewise, of turns of a kind
     std::size_t streams = 0;
@@ -134,8 +133,7 @@ class TouchQueue {
   ByKind<TouchLoad> load_;
   Time settled_;  // the last window
   std::unordered_map<Id, Stream> streams_;
-  std::map<std::string, Account> accounts_;  // by principal; each has a stream
-  std::unordered_map<std::uint64_t, Account*> by_id_;
+  std::map<std::string, Account> accounts_;   // by principal; each has a stream
   std::set<std::pair<Time, Id>> timers_;      // turns that are not due
   ByKind<std::set<Order>> order_;             // principals with turns that are due
   double level_s_ = 0;                        // where a principal that comes anew starts: of all its

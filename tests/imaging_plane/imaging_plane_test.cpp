@@ -7,8 +7,8 @@
 #include <atomic>
 #include <thread>
 
-#include "service/device/fault.h"
 #include "service/device/cancellation.h"
+#include "service/device/fault.h"
 #include "service/scene/errors.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
@@ -35,11 +35,11 @@ class Plane : public testing::Test {
     return request;
   }
   void estimate(const std::function<Frames()>& unpack, const std::function<void(Stage)>& ended,
-                FairWorkers::Clock::duration within = std::chrono::minutes(5)) {
+                Workers::Clock::duration within = std::chrono::minutes(5)) {
     JobTerms terms;
-    terms.deadline = FairWorkers::Clock::now() + within;
-    lane.workers()
-        .run(terms, [&] { lane.estimate(request, {}, FairWorkers::Clock::now(), unpack, ended); })
+    terms.deadline = Workers::Clock::now() + within;
+    plane.workers()
+        .run(terms, [&] { lane.estimate(request, {}, Workers::Clock::now(), unpack, ended); })
         .future.get();
   }
   double expected_s() { return lane.admit(request, {}).cost_s; }

@@ -20,9 +20,11 @@ namespace {
 
 class Publishing : public testing::Test {
  protected:
-  static JobTerms of(const std::string& client) {
+  ~Publishing() override { workers.stop(); }
+  static JobTerms of(const std::string& client, std::size_t device = 0) {
     JobTerms terms;
     terms.client = client;
+    terms.device = device;
     return terms;
   }
   Published publish(double x_m, const char* client) {
@@ -43,29 +45,29 @@ class Publishing : public testing::Test {
   std::atomic<bool> in_the_midst{false}, release{false};
   Scenes scenes{""};
   const std::shared_ptr<Scene> scene = create_scene(scenes, "s", tissue(0.12, 0.03), std::nullopt);
-  Publisher publisher{scenes};
-  FairWorkers workers;
+  Workers workers;
+  Publisher publisher{scenes, workers};
 };
 
 TEST_F(Publishing, IsRefusedOnAThreadThatIsNoWorker) {
   EXPECT_THROW(publish(0.03, "anybody"), std::logic_error);
   EXPECT_TRUE(scene->snapshot()->windows.empty());
-  EXPECT_THROW(workers.step_aside(1), std::logic_error);
 }
 
 // A scene that was moved to another device while the former one's job was about to publish.
 TEST_F(Publishing, OneOfAnotherDeviceWaitsForTheOneThatChangesTheScene) {
   std::atomic<bool> second_done{false};
-  FairWorkers of_another_device;
   auto first = held_in_the_midst([&] { return publish(0.03, "first"); });
-  std::atomic<int> looks{0};
-  auto second = of_another_device.run(of("second"), [&] {
-    const CancellationCheck counted([&] { ++looks; });
+  std::atomic<bool> second_begun{false};
+  auto second = workers.run(of("second", 1), [&] {
+    second_begun = true;
     const Published published = publish(0.06, "second");
     second_done = true;
     return published;
   });
-  while (looks < 3) std::this_thread::sleep_for(std::chrono::milliseconds(1));  // it waits, and looks up
+  while (!second_begun) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  // Its device does not wait with it.
+  workers.run(of("third", 1), [] {}).future.get();
   EXPECT_FALSE(second_done);
   release = true;
   EXPECT_LT(first.future.get().version, second.future.get().version);
@@ -73,13 +75,12 @@ TEST_F(Publishing, OneOfAnotherDeviceWaitsForTheOneThatChangesTheScene) {
 }
 
 TEST_F(Publishing, OneOfAnotherDeviceIsGivenUpWhereTheOneThatChangesTheSceneHangs) {
-  Publisher impatient{scenes, std::chrono::milliseconds(50)};
+  Publisher impatient{scenes, workers, std::chrono::milliseconds(50)};
   const auto publish_at = [&](double x_m, const char* client) {
     return impatient.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), client);
   };
-  FairWorkers of_another_device;
   auto hangs = held_in_the_midst([&] { return publish_at(0.03, "first"); });
-  auto given_up = of_another_device.run(of("second"), [&] { return publish_at(0.06, "second"); });
+  auto given_up = workers.run(of("second", 1), [&] { return publish_at(0.06, "second"); });
   try {
     given_up.future.get();
     ADD_FAILURE() << "published beside another change";
@@ -101,8 +102,7 @@ TEST_F(Publishing, NeighboursAreFreshThoughTheFormerDeviceHangs) {
     release.get_future().wait();
   });
   const std::uint64_t first = published.get_future().get();
-  FairWorkers of_another_device;
-  of_another_device.run(of("second"), [&] { publish(0.06, "second"); }).future.get();
+  workers.run(of("second", 1), [&] { publish(0.06, "second"); }).future.get();
   const auto fresh = [&] { return scene->snapshot()->windows.front()->version > first; };
   for (int k = 0; k < 60'000 && !fresh(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_TRUE(fresh());
@@ -114,7 +114,7 @@ TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinnin
   // GIVEN a publication that has to make way in the midst of it
   std::atomic<bool> first_published{false};
   std::atomic<int> looks_meanwhile{0};
-  std::optional<FairWorkers::Running<Published>> second;
+  std::optional<Workers::Running<Published>> second;
   auto first = workers.run(of("first"), [&] {
     const CancellationCheck in_the_midst([&] {
       if (second) return;
@@ -125,7 +125,7 @@ TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinnin
         return publish(0.06, "second");
       });
       // Longer than a slice: it is the other's turn now.
-      std::this_thread::sleep_for(std::chrono::duration<double>(1.5 * FairQueue::kSliceS));
+      std::this_thread::sleep_for(std::chrono::duration<double>(1.5 * Schedule::kSliceS));
     });
     const Published published = publish(0.03, "first");
     first_published = true;
@@ -143,7 +143,7 @@ TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinnin
 // a machine that is busy with something else makes none of it.
 TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
   std::atomic<std::int64_t> steps{0};
-  std::vector<FairWorkers::Running<void>> greedy;
+  std::vector<Workers::Running<void>> greedy;
   for (const char* client : {"a", "b"})
     greedy.push_back(workers.run(of(client), [&] {
       for (;;) {

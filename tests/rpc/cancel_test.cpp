@@ -115,7 +115,7 @@ TEST(Cancelled, ACallThatWaitsForImagingLeavesTheQueueAtOnceWithAllThatItHolds) 
   std::promise<void> begun;
   JobTerms terms;
   terms.client = "other";
-  const auto busy = server->core().imaging.lanes()[0].workers().run(terms, [&] {
+  const auto busy = server->core().imaging.workers().run(terms, [&] {
     begun.set_value();
     while (!enough) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   });
@@ -124,7 +124,7 @@ TEST(Cancelled, ACallThatWaitsForImagingLeavesTheQueueAtOnceWithAllThatItHolds) 
   const auto held = [&] { return server->core().memory->held(Place::kHost, "anna@local"); };
   const auto stub = v1::Palpation::NewStub(server.channel());
   // WHEN a client asks for more scenes than may wait, and gives up each
-  for (std::size_t k = 0; k <= FairQueue::kMaxWaitingPerClient; ++k) {
+  for (std::size_t k = 0; k <= Schedule::kMaxWaitingPerClient; ++k) {
     grpc::ClientContext context;
     set_deadline(context);
     context.AddMetadata("teletact-client", "anna");

@@ -48,11 +48,12 @@ class TwoDevices : public testing::Test {
   }
   // Once all that was begun and is owed has ended there.
   double worked_s(std::size_t number) {
-    FairWorkers& workers = plane().lanes()[number].workers();
+    Workers& workers = plane().workers();
     JobTerms last;
     last.owed = true;
+    last.device = number;
     workers.run(last, [] {}).future.get();
-    return workers.worked_s();
+    return workers.worked_s(number);
   }
   v1::GetInfoResponse info() {
     grpc::ClientContext context;
@@ -106,7 +107,7 @@ TEST_F(TwoDevices, OneThatHangsKeepsNobodyElseWaitingAndItsScenesGoToTheOther) {
   const auto [first, second] = placed();
   ImagingLane& hanging = plane().lanes()[0];
   std::promise<void> release;
-  const auto hung = hanging.workers().run({}, [&] { release.get_future().wait(); });
+  const auto hung = plane().workers().run({}, [&] { release.get_future().wait(); });
   Elastographer stuck(server.channel());
   upload(stuck, acquisition(first));
   EXPECT_TRUE(image(second).ok());
@@ -137,7 +138,7 @@ TEST_F(TwoDevices, OneThatGoesOnAfterItHungPublishesNothingOverWhatIsNewer) {
   terms.client = "anna";
   const auto frames = [&] { return std::pair(frame(pair().pre), frame(pair().post)); };
   std::promise<void> begun, release;
-  auto hung = hanging.workers().run({}, [&] {
+  auto hung = plane().workers().run({}, [&] {
     return hanging.estimate(request, terms, std::chrono::steady_clock::now(), frames, [&](Stage stage) {
       if (stage != Stage::kModulus) return;
       begun.set_value();
@@ -162,7 +163,9 @@ TEST_F(TwoDevices, OneThatGoesOnAfterItHungPublishesNothingOverWhatIsNewer) {
 TEST_F(TwoDevices, ASceneThatIsDeletedWhileTheSecondImagesItLeavesNothing) {
   const auto [first, second] = placed();
   std::promise<void> release;
-  plane().lanes()[1].workers().run({}, [&] { release.get_future().wait(); });
+  JobTerms on_second;
+  on_second.device = 1;
+  plane().workers().run(on_second, [&] { release.get_future().wait(); });
   Elastographer call(server.channel());
   upload(call, acquisition(second));
   v1::EstimateResponse received;

@@ -74,14 +74,14 @@ TEST_F(Estimates, ClientThatDiesMidUploadLeavesNothing) {
 TEST_F(Estimates, CancelledCallPublishesNothing) {
   // The worker is held until the call is cancelled: no matter how fast this machine is.
   std::promise<void> release;
-  (*server)->core().imaging.lanes()[0].workers().run({}, [&] { release.get_future().wait(); });
+  (*server)->core().imaging.workers().run({}, [&] { release.get_future().wait(); });
   Elastographer late(channel);
   upload(late, acquisition("scene"));
   late.context().TryCancel();
   EXPECT_EQ(late.finish().status.error_code(), grpc::StatusCode::CANCELLED);
   server->expect_all_calls_end();  // it does not wait for the worker
   release.set_value();
-  (*server)->core().imaging.lanes()[0].workers().run({}, [] {}).future.get();
+  (*server)->core().imaging.workers().run({}, [] {}).future.get();
   EXPECT_EQ(scene().version(), 0U);
 }
 
@@ -92,7 +92,7 @@ TEST_F(Estimates, SceneThatIsDeletedMeanwhileAbortsThePublication) {
   request.mutable_geometry()->add_size_m(0.02);
   ASSERT_TRUE(server->create(request).ok());
   std::promise<void> release;  // the worker is held until the scene is gone
-  (*server)->core().imaging.lanes()[0].workers().run({}, [&] { release.get_future().wait(); });
+  (*server)->core().imaging.workers().run({}, [&] { release.get_future().wait(); });
   Elastographer call(channel);
   upload(call, acquisition("doomed"));
   v1::EstimateResponse received;

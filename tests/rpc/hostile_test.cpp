@@ -86,7 +86,7 @@ TEST_F(Hostile, UploadsThatAreGivenUpKeepNoFrames) {
   // The worker is held; frames of 8 MiB that are waiting for it as 16 MiB of floats each.
   constexpr std::size_t kCalls = 12, kBytes = std::size_t{2} * 2048 * 2048;
   std::promise<void> release;
-  (*server)->core().imaging.lanes()[0].workers().run({}, [&] { release.get_future().wait(); });
+  (*server)->core().imaging.workers().run({}, [&] { release.get_future().wait(); });
   const Pair frames{std::string(kBytes, '\1'), std::string(kBytes, '\1')};
   v1::Acquisition a = acquisition();
   a.set_dtype(v1::DATA_TYPE_INT16);

@@ -18,13 +18,13 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 // Work of a client that never ends, but looks up as all work does; it says how much it has left.
-FairWorkers::Running<void> endless(
+Workers::Running<void> endless(
     Server& server, const std::string& client, double cost_s = 0,
     const std::function<void()>& begins = [] {}) {
   JobTerms terms;
   terms.client = client;
   terms.cost_s = cost_s;
-  return server.core().imaging.lanes()[0].workers().run(terms, [begins] {
+  return server.core().imaging.workers().run(terms, [begins] {
     begins();
     for (;;) {
       check_cancelled();
@@ -65,11 +65,11 @@ double seconds_of(const Outcome& outcome, const std::string& stage) {
 
 class Plane : public OnOneServer {
  protected:
-  FairWorkers& workers() { return (*server)->core().imaging.lanes()[0].workers(); }
+  Workers& workers() { return (*server)->core().imaging.workers(); }
 };
 
 TEST_F(Plane, EstimatesAreMadeInTimeBesideAClientThatWantsItAll) {
-  std::vector<FairWorkers::Running<void>> greedy;
+  std::vector<Workers::Running<void>> greedy;
   for (int k = 0; k < 8; ++k) greedy.push_back(endless(**server, "greedy@local", 60));
   Wide fair(4);
   fair.asked.set_finish_within_s(60);
@@ -78,7 +78,7 @@ TEST_F(Plane, EstimatesAreMadeInTimeBesideAClientThatWantsItAll) {
     ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
     const double worked_s =
         seconds_of(outcome, "displacement") + seconds_of(outcome, "strain") + seconds_of(outcome, "modulus");
-    ASSERT_GT(worked_s, 2 * FairQueue::kSliceS) << "too short to tell";
+    ASSERT_GT(worked_s, 2 * Schedule::kSliceS) << "too short to tell";
     EXPECT_GT(seconds_of(outcome, "waited"), 0) << "after " << worked_s << " s it had not given way";
   }
   for (const auto& running : greedy) workers().cancel(running.id);
@@ -89,7 +89,7 @@ TEST_F(Plane, MapsAreTheSameWhetherOthersHaveTheirTurnOrNot) {
   a.set_modulus_method(v1::MODULUS_METHOD_DIRECT);
   std::vector<std::string> maps[2];
   for (const bool shared : {false, true}) {
-    std::optional<FairWorkers::Running<void>> other;
+    std::optional<Workers::Running<void>> other;
     if (shared) other = endless(**server, "other@local");
     const Outcome outcome = estimate(channel, a);
     ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
@@ -201,7 +201,7 @@ TEST(ImagingCalls, LongEstimatesOfOneClientDoNotHoldAnothers) {
   server.expect_all_calls_end();
   alone_s = std::max(alone_s, median_window_s());
   // Twice its time alone and a turn; and as much again for a busy machine.
-  EXPECT_LE(beside_s, 2 * (2 * alone_s + FairQueue::kSliceS)) << "alone " << alone_s << " s";
+  EXPECT_LE(beside_s, 2 * (2 * alone_s + Schedule::kSliceS)) << "alone " << alone_s << " s";
   std::printf("[ turns ] a window alone %.3f s, beside eight of a greedy client %.3f s\n", alone_s, beside_s);
 }
 

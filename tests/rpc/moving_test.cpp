@@ -70,7 +70,7 @@ TEST_F(Moving, HandsAreServedWhileWhoStoodByTakesOver) {
   JobTerms terms;
   terms.client = "other@local";
   std::atomic<bool> gives_way{false};  // until then the estimate has no turn
-  auto busy = server->core().imaging.lanes()[0].workers().run(terms, [&] {
+  auto busy = server->core().imaging.workers().run(terms, [&] {
     for (;;) {
       if (gives_way) check_cancelled();
       std::this_thread::sleep_for(std::chrono::milliseconds(1));

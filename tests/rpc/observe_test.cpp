@@ -325,7 +325,7 @@ TEST_F(Observing, WhatSomebodyWaitedForWhoHasGoneIsNotMade) {
   Core& core = (*server)->core();
   std::weak_ptr<Scene> scene = core.scenes.find("left");
   std::promise<void> begun, release;
-  NicedWorker busy;
+  Workers busy;
   busy.post([&] {
     begun.set_value();
     release.get_future().wait();

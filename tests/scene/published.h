@@ -10,8 +10,8 @@ namespace teletact::service {
 
 inline Published publish_into(Scenes& scenes, const std::shared_ptr<Scene>& scene,
                               const WindowEstimate& window, const std::string& client = {}) {
-  Publisher publisher(scenes);
-  FairWorkers workers;
+  Workers workers;
+  Publisher publisher(scenes, workers);
   JobTerms terms;
   terms.client = client;
   Published published =

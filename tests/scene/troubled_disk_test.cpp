@@ -270,8 +270,8 @@ class WatchedDisk final : public Files {
 TEST(KeepingState, IsNeverDoneByWhoMakesScenesAndPublishes) {
   const auto disk = std::make_shared<WatchedDisk>();
   Scenes scenes(kState, {}, disk);
-  Publisher publisher(scenes);
-  FairWorkers fair;
+  Workers fair;
+  Publisher publisher(scenes, fair);
   std::set<std::thread::id> workers;
   std::thread imaging([&] {
     workers.insert(std::this_thread::get_id());
@@ -295,6 +295,7 @@ TEST(KeepingState, IsNeverDoneByWhoMakesScenesAndPublishes) {
     disk->stuck = false;
   });
   imaging.join();
+  fair.stop();
   scenes.wait_until_kept();
   for (const std::thread::id worker : workers) EXPECT_FALSE(disk->touched_by(worker));
 }

@@ -1,5 +1,6 @@
-// The imaging plane's threads: one works at a time, gives way at its looks, ends when it is to.
-#include "service/imaging_plane/fair_workers.h"
+// The threads of a schedule: one works with a device at a time, gives way at its looks, ends when it is to;
+// in the background one after the other, in turns of those whose the jobs are.
+#include "service/scene/workers.h"
 
 #include <gtest/gtest.h>
 #include <pthread.h>
@@ -7,19 +8,21 @@
 #include <algorithm>
 #include <atomic>
 #include <functional>
+#include <memory>
 #include <optional>
+#include <string>
 #include <system_error>
 #include <thread>
 #include <vector>
 
 #include "service/device/cancellation.h"
 #include "service/scene/errors.h"
-#include "tests/imaging_plane/error_kind.h"
+#include "tests/scene/error_kind.h"
 
 namespace teletact::service {
 namespace {
 
-using Clock = FairWorkers::Clock;
+using Clock = Workers::Clock;
 constexpr std::chrono::seconds kLong{60};  // far more than the busiest machine takes
 
 JobTerms of(const std::string& client) {
@@ -36,8 +39,8 @@ void work_until(const std::function<bool()>& until) {
   }
 }
 
-TEST(FairWorkers, ShortJobIsDoneWhileALongOneOfAnotherClientGoesOn) {
-  FairWorkers workers;
+TEST(Workers, ShortJobIsDoneWhileALongOneOfAnotherClientGoesOn) {
+  Workers workers;
   std::atomic<bool> enough{false};
   std::atomic<int> at_once{0}, most{0};
   const auto alone = [&] {
@@ -65,8 +68,8 @@ TEST(FairWorkers, ShortJobIsDoneWhileALongOneOfAnotherClientGoesOn) {
   EXPECT_EQ(most, 1);
 }
 
-TEST(FairWorkers, CancelledJobsEndAtTheirNextLookOrAtOnce) {
-  FairWorkers workers;
+TEST(Workers, CancelledJobsEndAtTheirNextLookOrAtOnce) {
+  Workers workers;
   std::atomic<bool> began{false};
   auto running = workers.run(of("a"), [] { work_until([] { return false; }); });
   auto waiting = workers.run(of("a"), [&] { began = true; });
@@ -79,8 +82,8 @@ TEST(FairWorkers, CancelledJobsEndAtTheirNextLookOrAtOnce) {
   EXPECT_FALSE(began);
 }
 
-TEST(FairWorkers, PausedJobCanBeCancelled) {
-  FairWorkers workers;
+TEST(Workers, PausedJobCanBeCancelled) {
+  Workers workers;
   std::atomic<bool> enough{false};
   auto paused = workers.run(of("a"), [] { work_until([] { return false; }); });
   std::promise<void> begun;
@@ -96,8 +99,8 @@ TEST(FairWorkers, PausedJobCanBeCancelled) {
   holder.future.get();
 }
 
-TEST(FairWorkers, DeadlineEndsWhatRunsAndWhatWaits) {
-  FairWorkers workers;
+TEST(Workers, DeadlineEndsWhatRunsAndWhatWaits) {
+  Workers workers;
   std::atomic<bool> began{false}, enough{false};
   auto other = workers.run(of("other"), [&] { work_until([&] { return enough.load(); }); });
   JobTerms terms = of("a");
@@ -112,8 +115,8 @@ TEST(FairWorkers, DeadlineEndsWhatRunsAndWhatWaits) {
   other.future.get();
 }
 
-TEST(FairWorkers, WhatIsOwedRunsByItsDeadlineBesideWorkThatNeverEnds) {
-  FairWorkers workers;
+TEST(Workers, WhatIsOwedRunsByItsDeadlineBesideWorkThatNeverEnds) {
+  Workers workers;
   auto endless = workers.run(of("greedy"), [] { work_until([] { return false; }); });
   JobTerms terms = of("fair");
   terms.owed = true;
@@ -130,39 +133,67 @@ JobTerms never_due() {
   return terms;
 }
 
-TEST(FairWorkers, WhoStepsAsideGoesOnWhenTheOtherHasEnded) {
-  FairWorkers workers;
-  std::atomic<bool> enough{false}, ended{false}, ended_before{false};
+constexpr int kScene = 0;
+
+TEST(Workers, WhoNeedsWhatAnotherHasGoesOnWhenThatIsGivenBack) {
+  Workers workers;
+  std::atomic<bool> taken{false}, enough{false}, ended{false}, ended_before{false};
   auto other = workers.run(never_due(), [&] {
-    work_until([&] { return enough.load(); });
-    ended = true;
+    workers.do_alone(&kScene, kLong, [&] {
+      taken = true;
+      work_until([&] { return enough.load(); });
+      ended = true;
+    });
   });
+  while (!taken) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   auto endless = workers.run(of("greedy"), [] { work_until([] { return false; }); });
-  auto aside = workers.run(of("fair"), [&, id = other.id] {
+  auto needs = workers.run(of("fair"), [&] {
     enough = true;
-    for (int k = 0; k < 2; ++k) workers.step_aside(id);  // ended by then: nothing
-    ended_before = ended.load();
+    EXPECT_TRUE(workers.do_alone(&kScene, {}, [&] { ended_before = ended.load(); })) << "of the same device";
     return waited_s();
   });
-  ASSERT_EQ(aside.future.wait_for(kLong), std::future_status::ready);
+  ASSERT_EQ(needs.future.wait_for(kLong), std::future_status::ready);
   EXPECT_TRUE(ended_before);
-  EXPECT_GT(aside.future.get(), 0);
+  EXPECT_GT(needs.future.get(), 0);
   workers.cancel(endless.id);
 }
 
-TEST(FairWorkers, WhoStepsAsideCanBeCancelled) {
-  FairWorkers workers;
-  std::atomic<bool> aside_begun{false};
-  auto other = workers.run(never_due(), [] { work_until([] { return false; }); });
-  auto aside = workers.run(of("fair"), [&, id = other.id] {
-    aside_begun = true;
-    workers.step_aside(id);
+TEST(Workers, WhoNeedsWhatAnotherHasCanBeCancelled) {
+  Workers workers;
+  std::atomic<bool> taken{false}, needed{false}, done{false};
+  auto other = workers.run(never_due(), [&] {
+    workers.do_alone(&kScene, kLong, [&] {
+      taken = true;
+      work_until([] { return false; });
+    });
   });
-  while (!aside_begun) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  workers.cancel(aside.id);
-  ASSERT_EQ(aside.future.wait_for(kLong), std::future_status::ready);
-  EXPECT_EQ(kind_of([&] { aside.future.get(); }), ErrorKind::kCancelled);
+  while (!taken) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  auto needs = workers.run(of("fair"), [&] {
+    needed = true;
+    workers.do_alone(&kScene, kLong, [&] { done = true; });
+  });
+  while (!needed) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  workers.cancel(needs.id);
+  ASSERT_EQ(needs.future.wait_for(kLong), std::future_status::ready);
+  EXPECT_EQ(kind_of([&] { needs.future.get(); }), ErrorKind::kCancelled);
+  EXPECT_FALSE(done);
   workers.cancel(other.id);
+  EXPECT_EQ(kind_of([&] { other.future.get(); }), ErrorKind::kCancelled);
+  workers.run(of("fair"), [&] { workers.do_alone(&kScene, kLong, [&] { done = true; }); }).future.get();
+  EXPECT_TRUE(done) << "who was cancelled has given it back";
+}
+
+TEST(Workers, DevicesWorkBesideEachOther) {
+  Workers workers;
+  std::promise<void> release;
+  const auto first = workers.run({}, [&] { release.get_future().wait(); });
+  JobTerms terms;
+  terms.device = 1;
+  auto second = workers.run(terms, [&] { return workers.device_here(); });
+  ASSERT_EQ(second.future.wait_for(kLong), std::future_status::ready);
+  EXPECT_EQ(second.future.get(), 1U);
+  EXPECT_THROW(workers.device_here(), std::logic_error);
+  release.set_value();
 }
 
 // While it lives no thread is to be had: each would get a larger stack than there are addresses.
@@ -188,8 +219,8 @@ class NoThreads {
   pthread_attr_t usual_;
 };
 
-TEST(FairWorkers, WhoMadeWayForAJobWithoutAThreadTriesAgain) {
-  FairWorkers workers;
+TEST(Workers, WhoMadeWayForAJobWithoutAThreadTriesAgain) {
+  Workers workers;
   std::atomic<bool> enough{false};
   std::atomic<Clock::time_point> looked{Clock::now()};
   auto greedy = workers.run(of("greedy"), [&] {
@@ -209,8 +240,8 @@ TEST(FairWorkers, WhoMadeWayForAJobWithoutAThreadTriesAgain) {
   ASSERT_EQ(greedy.future.wait_for(kLong), std::future_status::ready);
 }
 
-TEST(FairWorkers, StopEndsEverythingAndRefusesMore) {
-  FairWorkers workers;
+TEST(Workers, StopEndsEverythingAndRefusesMore) {
+  Workers workers;
   auto running = workers.run(of("a"), [] { work_until([] { return false; }); });
   auto waiting = workers.run(of("a"), [] {});
   workers.stop();
@@ -219,10 +250,10 @@ TEST(FairWorkers, StopEndsEverythingAndRefusesMore) {
   EXPECT_EQ(kind_of([&] { workers.run(of("a"), [] {}); }), ErrorKind::kUnavailable);
 }
 
-TEST(FairWorkers, JobsOfManyClientsAllEndAndLeaveNothing) {
-  FairWorkers workers;
+TEST(Workers, JobsOfManyClientsAllEndAndLeaveNothing) {
+  Workers workers;
   std::atomic<int> done{0};
-  std::vector<FairWorkers::Running<void>> all;
+  std::vector<Workers::Running<void>> all;
   for (int k = 0; k < 200; ++k) {
     try {
       all.push_back(workers.run(of("client " + std::to_string(k % 12)), [&] {
@@ -249,9 +280,9 @@ TEST(FairWorkers, JobsOfManyClientsAllEndAndLeaveNothing) {
   EXPECT_GT(well, 50);
 }
 
-TEST(FairWorkers, SayHowLongWhoeverWorksHasNotLookedUp) {
-  FairWorkers workers;
-  EXPECT_EQ(workers.silent_s(), 0);
+TEST(Workers, SayHowLongWhoeverWorksHasNotLookedUp) {
+  Workers workers;
+  EXPECT_EQ(workers.silent_s(0), 0);
   std::atomic<bool> looks{false}, enough{false};
   const auto hung = workers.run(of("a"), [&] {
     while (!enough) {
@@ -259,12 +290,71 @@ TEST(FairWorkers, SayHowLongWhoeverWorksHasNotLookedUp) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   });
-  while (workers.silent_s() < 0.2) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  while (workers.silent_s(0) < 0.2) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   looks = true;
-  while (workers.silent_s() > 0.1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  while (workers.silent_s(0) > 0.1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   enough = true;
   hung.future.wait();
-  EXPECT_EQ(workers.silent_s(), 0);
+  EXPECT_EQ(workers.silent_s(0), 0);
+}
+
+// Jobs that wait behind one that ends with go().
+class InTheBackground : public testing::Test {
+ protected:
+  InTheBackground() {
+    worker.post([going = going.get_future().share()] { going.wait(); });
+  }
+  Workers::Id post(const std::string& name, const std::string& of) {
+    return worker.post([this, name] { done.push_back(name); }, of);
+  }
+  void go() {
+    going.set_value();
+    worker.finish();
+  }
+  std::vector<std::string> done;
+  std::promise<void> going;
+  Workers worker;
+};
+
+TEST_F(InTheBackground, JobsAreDoneInTurnsOfThoseWhoseTheyAreAndInOrderForEach) {
+  for (const char* name : {"a1", "a2", "a3"}) post(name, "a");
+  for (const char* name : {"b1", "b2"}) post(name, "b");
+  post("c1", "c");
+  go();
+  EXPECT_EQ(done, (std::vector<std::string>{"a1", "b1", "c1", "a2", "b2", "a3"}));
+}
+
+TEST_F(InTheBackground, AJobThatIsDroppedIsNotDoneAndHoldsNothing) {
+  const auto held = std::make_shared<int>();
+  const auto dropped = worker.post([this, held] { done.emplace_back("dropped"); }, "a");
+  post("other", "a");
+  worker.cancel(dropped);
+  EXPECT_EQ(held.use_count(), 1);
+  worker.cancel(dropped);  // once more: nothing
+  go();
+  EXPECT_EQ(done, std::vector<std::string>{"other"});
+}
+
+TEST(Workers, WhoWaitsForAJobThatIsDroppedAtTheEndMayDropItToo) {
+  Workers worker;
+  std::promise<void> begun, going;
+  worker.post([&] {
+    begun.set_value();
+    going.get_future().wait();
+  });
+  begun.get_future().wait();
+  bool dropped = false;
+  std::shared_ptr<void> last(nullptr, [&](void*) {
+    worker.cancel(2);
+    dropped = true;
+  });
+  EXPECT_EQ(worker.post([last] {}), 2U);
+  last.reset();
+  std::thread stopping([&] { worker.stop(); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));  // it has begun to stop, most likely
+  going.set_value();
+  stopping.join();
+  EXPECT_TRUE(dropped);
 }
 
 }  // namespace
