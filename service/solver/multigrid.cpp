@@ -4,14 +4,18 @@
 #include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "service/solver/dense_inverse.h"
-#include "service/solver/precision.h"
 #include "service/solver/smoother.h"
 
 namespace teletact::service {
 namespace {
+
+constexpr unsigned kSmoothingSteps = 3;      // degree of the Chebyshev polynomial
+constexpr double kSmoothingRange = 10;       // it damps eigenvalues of M A in [largest / this, largest]
+constexpr std::size_t kCoarsestNodes = 100;  // a level of at most so many nodes is solved exactly
 
 template <class T>
 std::vector<T> as(const auto& values) {
@@ -23,6 +27,18 @@ std::vector<T> joined(std::initializer_list<const std::vector<T>*> parts) {
   std::vector<T> all;
   for (const std::vector<T>* part : parts) all.insert(all.end(), part->begin(), part->end());
   return all;
+}
+
+// A copy of `from` as T: S or float.
+template <class T, class S>
+Array<T> converted(const Queue& queue, const Array<S>& from) {
+  auto to = queue.array<T>(from.size());
+  if constexpr (std::is_same_v<S, T>)
+    queue.copy(from, to);
+  else
+    queue.kernel("galerkin", "to_float", precision_of<S>)({{from.size()}, {64}}, from, to,
+                                                          static_cast<int>(from.size()));
+  return to;
 }
 
 template <class W>
@@ -93,16 +109,16 @@ struct Multigrid<T, W>::Setup {
 };
 
 template <class T, class W>
-Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines, const MultigridOptions& options)
+Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines)
     : queue_(queue), short_side_(short_side(lines)), kernels_(std::make_unique<Kernels>(queue)) {
   const double largest = smooths_lines() ? kLargestLineEigenvalue : kLargestCellEigenvalue;
-  steps_ = chebyshev_steps(largest / options.smoothing_range, largest, std::max(1U, options.smoothing_steps));
+  steps_ = chebyshev_steps(largest / kSmoothingRange, largest, kSmoothingSteps);
   lines_.push_back(lines);
   for (double spacing = smallest_spacing(lines);; spacing *= 2) {
     const NodeLines& fine = lines_.back();
     GridTransfer transfer = smooths_lines() ? coarsen_fully(fine) : coarsen(fine, spacing);
     NodeLines coarse{transfer.x.coarse, transfer.y.coarse};
-    if (fine.nodes() <= options.coarsest_nodes || coarse.nodes() == fine.nodes()) break;
+    if (fine.nodes() <= kCoarsestNodes || coarse.nodes() == fine.nodes()) break;
     transfers_.push_back(std::move(transfer));
     lines_.push_back(std::move(coarse));
   }
@@ -240,28 +256,6 @@ void Multigrid<T, W>::invert_coarsest(const std::vector<double>& stencil) {
       padded[(2 * (a % 2 * span + place(a / 2)) + b % 2) * row + place(b / 2)] =
           static_cast<W>(dense[a * n + b]);
   queue_.send(constants_, padded.data(), padded.size(), static_cast<std::size_t>(level.stencil));
-}
-
-template <class T, class W>
-double Multigrid<T, W>::mean_nodes(CycleStep step) const {
-  double nodes = 0, launches = 0;
-  for (const PlannedStep& s : plan_) {
-    const auto level = static_cast<std::size_t>(s.level);
-    if (s.step != step || level >= first_small_) continue;
-    nodes += static_cast<double>(lines_[level].nodes());
-    ++launches;
-  }
-  return launches > 0 ? nodes / launches : 0;
-}
-
-template <class T, class W>
-double Multigrid<T, W>::small_nodes(CycleStep step) const {
-  double nodes = 0;
-  for (const PlannedStep& s : plan_) {
-    const auto level = static_cast<std::size_t>(s.level);
-    if (s.step == step && level >= first_small_) nodes += static_cast<double>(lines_[level].nodes());
-  }
-  return nodes;
 }
 
 template <class T, class W>

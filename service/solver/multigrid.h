@@ -17,7 +17,6 @@
 #include <memory>
 #include <vector>
 
-#include "service/solver/chebyshev.h"
 #include "service/solver/cycle_plan.h"
 #include "service/solver/level_layout.h"
 #include "service/solver/linear_operator.h"
@@ -25,17 +24,11 @@
 
 namespace teletact::service {
 
-struct MultigridOptions {
-  unsigned smoothing_steps = 3;      // degree of the Chebyshev polynomial, >= 1
-  double smoothing_range = 10;       // it damps eigenvalues of M A in [largest / this, largest]
-  std::size_t coarsest_nodes = 100;  // a level of at most so many nodes is solved exactly
-};
-
 // For vectors of T; it works in W: T, or float where T is double, at half the bytes.
 template <class T, class W = T>
 class Multigrid : public LinearOperator<T> {
  public:
-  Multigrid(const Queue&, const NodeLines&, const MultigridOptions& = {});
+  Multigrid(const Queue&, const NodeLines&);
   ~Multigrid() override;
   // Sets the finest operator, [9][ny][nx] blocks of 4 (kernels/stencil.clh), symmetric, constrained unknowns
   // as the identity, and computes the rest. Throws std::invalid_argument when the operator is found not to be
@@ -47,11 +40,10 @@ class Multigrid : public LinearOperator<T> {
   // use of a larger count.
   void apply(const Array<T>& r, Array<T>& z, std::size_t count) override;
   std::size_t levels() const { return lines_.size(); }
-  std::size_t coarsest_nodes() const { return lines_.back().nodes(); }
-  // Nodes of the levels on which a step is a launch of its own, the mean over these launches; 0 without any.
-  double mean_nodes(CycleStep) const;
-  // Nodes that the steps of a kind go over in the one launch of the small levels, together.
-  double small_nodes(CycleStep) const;
+  std::size_t nodes(std::size_t level) const { return lines_[level].nodes(); }
+  const std::vector<PlannedStep>& plan() const { return plan_; }
+  // From this level on steps that follow each other are one launch.
+  std::size_t first_small() const { return first_small_; }
 
  private:
   struct Kernels;
