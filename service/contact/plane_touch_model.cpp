@@ -1,10 +1,17 @@
 #include "service/contact/plane_touch_model.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <exception>
+#include <map>
+#include <mutex>
+#include <set>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "service/base/choices.h"
@@ -109,6 +116,66 @@ class PlaneLayer final : public TouchedLayer {
 };
 
 }  // namespace
+
+// The compliances of one model that touches ask for. Making one ready takes from milliseconds to seconds, so
+// it is done elsewhere: a touch gets one where it is there, and nothing while it is being made. Thread-safe.
+class PlaneTouchModel::PreparedCompliances : public std::enable_shared_from_this<PreparedCompliances> {
+ public:
+  explicit PreparedCompliances(std::shared_ptr<const TissueModel> model) : model_(std::move(model)) {}
+
+  // As TissueModel::compliance(). Null while it is being made, which this asks `work` for, in the client's
+  // turn. Throws what making it throws, here or elsewhere.
+  std::shared_ptr<Compliance> get(std::size_t row, const std::shared_ptr<Device>& device,
+                                  const TouchWork& work, const std::string& client) {
+    if (auto ready = model_->ready(row, device)) return ready;
+    if (!work) return model_->compliance(row, device);
+    const Key key{row, device};
+    {
+      const std::lock_guard lock(mutex_);
+      Entry& entry = entries_[key];
+      if (entry.asked.contains(client)) return nullptr;
+      if (entry.asked.empty() && entry.error && Clock::now() < entry.retry)
+        std::rethrow_exception(entry.error);
+      entry.asked.insert(client);
+    }
+    work(client, [self = shared_from_this(), key] { self->make_for_others(key); });
+    return nullptr;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  using Key = std::pair<std::size_t, std::shared_ptr<Device>>;
+  // One that could not be made is tried again after this long; until then asking for it says why.
+  static constexpr std::chrono::seconds kRetry{1};
+  struct Entry {
+    std::set<std::string> asked;  // clients in whose turns it is to be made; none: it is not
+    std::exception_ptr error;     // why it could not be made, the last time
+    Clock::time_point retry{};
+  };
+
+  void make_for_others(const Key& key) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (entries_[key].asked.empty()) return;  // made in another's turn
+    }
+    std::exception_ptr error;
+    try {
+      model_->compliance(key.first, key.second);  // which keeps it
+    } catch (const std::exception& e) {
+      error = std::current_exception();
+      spdlog::warn("event=layer_not_prepared row={} error=\"{}\"", key.first, e.what());
+    }
+    const std::lock_guard lock(mutex_);
+    Entry& entry = entries_[key];
+    entry.asked.clear();
+    entry.error = std::move(error);
+    entry.retry = Clock::now() + kRetry;
+  }
+
+  const std::shared_ptr<const TissueModel> model_;
+  std::mutex mutex_;  // held for looking things up only
+  std::map<Key, Entry> entries_;
+};
 
 PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue, MemoryAccount account)
     : TouchModel(std::move(account)),

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <string>
+#include <tuple>
 #include <utility>
 
 #include "service/tissue/condensation.h"
@@ -33,18 +33,19 @@ ColumnRange touchable_columns(const TissueGrid& grid, const FreeNodes& free, dou
 
 }  // namespace
 
-TissueProblem make_problem(TissueGrid grid, Material material, const Supports& supports, double thickness_m,
-                           double touch_begin_m, double touch_end_m) {
+TissueProblem make_problem(TissueGrid grid, Material material, const Supports& supports,
+                           const TissueModelOptions& options) {
   validate(grid, material);
   const FreeNodes free = free_nodes(grid, supports);
+  const auto [begin_m, end_m, thickness_m] =
+      std::tuple(options.touch_begin_m, options.touch_end_m, options.thickness_m);
   if (!(thickness_m > 0) || !std::isfinite(thickness_m)) {
     throw std::invalid_argument(fmt::format(
         "options.thickness_m is {}; give the out-of-plane contact width in metres, above 0", thickness_m));
   }
-  TissueProblem problem{std::move(grid), std::move(material), supports, thickness_m,
-                        touch_begin_m,   touch_end_m,         {}};
-  problem.touchable = touchable_columns(problem.grid, free, touch_begin_m, touch_end_m);
-  if (touch_begin_m == 0 && touch_end_m == 0) {
+  TissueProblem problem{std::move(grid), std::move(material), supports, thickness_m, begin_m, end_m, {}};
+  problem.touchable = touchable_columns(problem.grid, free, begin_m, end_m);
+  if (begin_m == 0 && end_m == 0) {
     problem.touch_begin_m = problem.grid.x_m.front();
     problem.touch_end_m = problem.grid.x_m.back();
   }

@@ -60,7 +60,7 @@ TEST(SolidRow, OneElementAlongZIsThePlaneModels) {
   for (const std::size_t row : {0U, 3U, 7U}) {
     solver.at(std::make_shared<const SolidRow>(
         SolidRow{row, wide_surface(grid, solver.layers(), 0.49, 0, 0, row)}));
-    const Eigen::MatrixXd c = plane.condensed(row)->among(nodes, nullptr) / grid.spacing_z_m;
+    const Eigen::MatrixXd c = plane.compliance(row)->among(nodes, nullptr) / grid.spacing_z_m;
     for (Eigen::Index q = 0; q < c.cols(); ++q) {
       const SolidSolution s = solver.load(unknowns, Eigen::VectorXd::Unit(c.cols(), q),
                                           {.relative_error = 1e-10, .max_iterations = 1000});

@@ -74,13 +74,13 @@ KernelProfile measure_kernels(const ContactProblem& p, std::size_t device_index,
   const ProfiledDevice profiled(device_index);
   service::ElasticitySolverOptions solver_options;
   solver_options.precision = service::SolvePrecision::kDouble;
-  service::ElasticitySolver solver(profiled.device(), p.tissue.grid, p.tissue.supports, solver_options);
-  solver.set_material(p.tissue.material);
+  service::ElasticitySolver solver(profiled.device(), p.tissue.grid, p.tissue.supports, p.tissue.material,
+                                   solver_options);
   std::vector<double> load(p.tissue.grid.dofs(), 0.0);
   for (const std::size_t dof : p.contact_dofs) load[dof] = 1;
   for (int k = 0; k < touches; ++k) {
     std::vector<double> u(load.size(), 0.0);
-    solver.solve(1, load, {}, u);
+    solver.solve(1, load, u);
   }
   return profiled.profile(solver.queue(), work_of(p.tissue.grid, profiled.device()->queue()), touches);
 }
