@@ -103,8 +103,8 @@ TEST(SolidRow, TheTissueIsWhereTheSparseFactorPutsIt) {
       nodes.push_back(reference::unknown(grid, i, 0, k, 1));
       in_field.push_back(reference::unknown(grid, i, row, k, 1));
     }
-    const Eigen::VectorXd moved = (truth.compliance(in_field) + wide.among(nodes, grid.nx, grid.nz) -
-                                   periodic.among(nodes, grid.nx, grid.nz)) *
+    const Eigen::VectorXd moved = (truth.compliance(in_field) + wide.among(nodes) -
+                                   periodic.among(nodes)) *
                                   p;
     const SkinThickness skin = skin_thickness(kRound, pose[1], std::sqrt(area));
     for (std::size_t n = 0; n < nodes.size(); ++n) {

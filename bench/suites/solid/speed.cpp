@@ -132,7 +132,7 @@ CertifiedForce certified_force(service::SolidSolver<float>& solver, const servic
                                const SolidTouch& touch, double relative_error) {
   const Eigen::VectorXd &w = touch.surface.values, one = Eigen::VectorXd::Ones(w.size());
   const Eigen::LLT<Eigen::MatrixXd> layered(
-      solver.row()->layered.among(touch.surface.unknowns, grid.nx, grid.nz));
+      solver.row()->layered.among(touch.surface.unknowns));
   const Eigen::VectorXd p = layered.solve(w), z = layered.solve(one);
   const double s = std::sqrt(w.dot(p) / z.sum());
   // Of the layered tissue: the whole is stiffer, or asks for a little more.
