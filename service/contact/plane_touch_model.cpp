@@ -45,10 +45,7 @@ class PlaneLayer final : public TouchedLayer {
     const PlanePose at = in_plane(pose);
     const double reach = std::max(around_m, touched_m(tip, std::max(0.0, at.indentation_m)));
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
-    const ColumnRange touchable = tissue_->problem().touchable;
-    std::vector<std::size_t> nodes;
-    for (std::size_t i = touchable.first; i <= touchable.last; ++i)
-      if (std::abs(columns_m[i] - at.x_m) <= reach) nodes.push_back(i);
+    std::vector<std::size_t> nodes = touchable_columns(at.x_m, reach);
     std::sort(nodes.begin(), nodes.end(), [&](std::size_t a, std::size_t b) {
       return std::abs(columns_m[a] - at.x_m) < std::abs(columns_m[b] - at.x_m);
     });
@@ -75,11 +72,7 @@ class PlaneLayer final : public TouchedLayer {
       const auto at = std::ranges::lower_bound(columns_m, node.position_m[0]);
       loaded.push_back(static_cast<std::size_t>(at - columns_m.begin()));
     }
-    const ColumnRange touchable = tissue_->problem().touchable;
-    std::vector<std::size_t> shown;
-    for (std::size_t i = touchable.first; i <= touchable.last; ++i)
-      if (std::abs(columns_m[i] - pose.position_m[0]) <= around_m) shown.push_back(i);
-    shown = every(shown, max_nodes);
+    const std::vector<std::size_t> shown = every(touchable_columns(pose.position_m[0], around_m), max_nodes);
     DeformedLayer out{{}, {pose.position_m[2]}, {}};
     for (const std::size_t i : shown) out.x_m.push_back(columns_m[i]);
     const Eigen::VectorXd moved = compliance_->axial_under(shown, loaded, force_n_m);
@@ -106,6 +99,13 @@ class PlaneLayer final : public TouchedLayer {
   }
 
  private:
+  std::vector<std::size_t> touchable_columns(double x_m, double reach_m) const {
+    const TissueProblem& tissue = tissue_->problem();
+    std::vector<std::size_t> columns;
+    for (std::size_t i = tissue.touchable.first; i <= tissue.touchable.last; ++i)
+      if (std::abs(tissue.grid.x_m[i] - x_m) <= reach_m) columns.push_back(i);
+    return columns;
+  }
   static PlanePose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 
   const std::shared_ptr<const TissueModel> tissue_;

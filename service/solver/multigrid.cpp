@@ -80,23 +80,6 @@ std::vector<std::uint8_t> coarse_mask(const std::vector<std::uint8_t>& fine, con
 
 }  // namespace
 
-template <class T, class W>
-struct Multigrid<T, W>::Kernels {
-  explicit Kernels(const Queue& queue) {
-    const auto get = [&](const char* name) {
-      return queue.kernel("multigrid", name, precision_of<W>, defines_of<T, W>(queue));
-    };
-    residual = get("residual");
-    smooth = get("smooth");
-    restriction = get("restrict_residual");
-    prolong = get("prolong_add");
-    run = get("run_steps");
-    pack = get("vectors_to_planes");
-    unpack = get("planes_to_vectors");
-  }
-  Kernel residual, smooth, restriction, prolong, run, pack, unpack, solve_lines, line_step;
-};
-
 // What the set-up needs of each level on the device.
 template <class T, class W>
 template <class S>
@@ -110,7 +93,7 @@ struct Multigrid<T, W>::Setup {
 
 template <class T, class W>
 Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines)
-    : queue_(queue), short_side_(short_side(lines)), kernels_(std::make_unique<Kernels>(queue)) {
+    : queue_(queue), short_side_(short_side(lines)) {
   const double largest = smooths_lines() ? kLargestLineEigenvalue : kLargestCellEigenvalue;
   steps_ = chebyshev_steps(largest / kSmoothingRange, largest, kSmoothingSteps);
   lines_.push_back(lines);
@@ -131,13 +114,20 @@ Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines)
   for (const PlannedStep& s : plan_) table.insert(table.end(), {static_cast<int>(s.step), s.level, s.k});
   table_ = queue_.array(table);
   constants_ = queue_.array<W>(static_cast<std::size_t>(layout_.constants_size));
+  const auto get = [&](const char* name) {
+    return queue.kernel("multigrid", name, precision_of<W>, defines_of<T, W>(queue));
+  };
+  residual_ = get("residual");
+  smooth_ = get("smooth");
+  restriction_ = get("restrict_residual");
+  prolong_ = get("prolong_add");
+  run_ = get("run_steps");
+  pack_ = get("vectors_to_planes");
+  unpack_ = get("planes_to_vectors");
   if (!smooths_lines()) return;
-  kernels_->solve_lines = queue.kernel("lines", "solve_lines", precision_of<W>);
-  kernels_->line_step = queue.kernel("lines", "line_step", precision_of<W>);
+  solve_lines_ = queue.kernel("lines", "solve_lines", precision_of<W>);
+  line_step_ = queue.kernel("lines", "line_step", precision_of<W>);
 }
-
-template <class T, class W>
-Multigrid<T, W>::~Multigrid() = default;
 
 template <class T, class W>
 template <class S>
@@ -281,9 +271,9 @@ void Multigrid<T, W>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
     }
     const std::size_t from = s;
     while (small(s)) ++s;
-    kernels_->run({{group, count}, {group}}, constants_, vectors_, table_, r, z,
-                  static_cast<int>(layout_.table.size()), static_cast<int>(from), static_cast<int>(s),
-                  layout_.vectors_size);
+    run_({{group, count}, {group}}, constants_, vectors_, table_, r, z,
+         static_cast<int>(layout_.table.size()), static_cast<int>(from), static_cast<int>(s),
+         layout_.vectors_size);
   }
 }
 
@@ -300,20 +290,20 @@ void Multigrid<T, W>::launch(const PlannedStep& s, const Array<T>& r, Array<T>& 
   const auto next = [&] { return by_rows(layout_.levels[static_cast<std::size_t>(s.level) + 1]); };
   switch (s.step) {
     case CycleStep::kResidual:
-      return kernels_->residual(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return residual_(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size);
     case CycleStep::kSmooth:
     case CycleStep::kSmoothFromZero:
       if (smooths_lines()) return smooth_lines(s, count);
-      return kernels_->smooth(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size, s.k,
-                              static_cast<int>(s.step == CycleStep::kSmoothFromZero));
+      return smooth_(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size, s.k,
+                     static_cast<int>(s.step == CycleStep::kSmoothFromZero));
     case CycleStep::kRestrict:
-      return kernels_->restriction(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return restriction_(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
     case CycleStep::kProlong:
-      return kernels_->prolong(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return prolong_(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
     case CycleStep::kPack:
-      return kernels_->pack(by_rows(level), r, vectors_, table_, layout_.vectors_size);
+      return pack_(by_rows(level), r, vectors_, table_, layout_.vectors_size);
     case CycleStep::kUnpack:
-      return kernels_->unpack(by_rows(level), vectors_, z, table_, layout_.vectors_size);
+      return unpack_(by_rows(level), vectors_, z, table_, layout_.vectors_size);
     case CycleStep::kSolve:
       throw std::logic_error("multigrid: the coarsest level is always small");
   }
@@ -325,11 +315,10 @@ void Multigrid<T, W>::smooth_lines(const PlannedStep& s, std::size_t count) {
   const std::size_t nx = lines_[index].x.size(), ny = lines_[index].y.size();
   const bool along_x = short_side_ == ShortSide::kX, from_zero = s.step == CycleStep::kSmoothFromZero;
   const std::size_t lines = (along_x ? ny : nx) - 1;
-  kernels_->solve_lines({{lines, count}, {8}}, line_factors_[index], vectors_, line_solutions_, table_,
-                        s.level, layout_.vectors_size, static_cast<int>(along_x),
-                        static_cast<int>(from_zero));
-  kernels_->line_step(grid_range(nx, ny, count), constants_, line_solutions_, vectors_, table_, s.level,
-                      layout_.vectors_size, static_cast<int>(along_x), s.k, static_cast<int>(from_zero));
+  solve_lines_({{lines, count}, {8}}, line_factors_[index], vectors_, line_solutions_, table_, s.level,
+               layout_.vectors_size, static_cast<int>(along_x), static_cast<int>(from_zero));
+  line_step_(grid_range(nx, ny, count), constants_, line_solutions_, vectors_, table_, s.level,
+             layout_.vectors_size, static_cast<int>(along_x), s.k, static_cast<int>(from_zero));
 }
 
 template class Multigrid<float>;

@@ -14,7 +14,6 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "service/solver/cycle_plan.h"
@@ -29,7 +28,6 @@ template <class T, class W = T>
 class Multigrid : public LinearOperator<T> {
  public:
   Multigrid(const Queue&, const NodeLines&);
-  ~Multigrid() override;
   // Sets the finest operator, [9][ny][nx] blocks of 4 (kernels/stencil.clh), symmetric, constrained unknowns
   // as the identity, and computes the rest. Throws std::invalid_argument when the operator is found not to be
   // positive definite. S: double where the device has it, else float. free: [node][2], 1 or 0 for a
@@ -46,7 +44,6 @@ class Multigrid : public LinearOperator<T> {
   std::size_t first_small() const { return first_small_; }
 
  private:
-  struct Kernels;
   template <class S>
   struct Setup;
   bool smooths_lines() const { return short_side_ != ShortSide::kNeither; }
@@ -67,7 +64,8 @@ class Multigrid : public LinearOperator<T> {
   std::vector<PlannedStep> plan_;
   std::size_t first_small_ = 0;  // level from which on steps run in one work-group
   HierarchyLayout layout_;
-  std::unique_ptr<Kernels> kernels_;
+  Kernel residual_, smooth_, restriction_, prolong_, run_, pack_, unpack_;
+  Kernel solve_lines_, line_step_;      // where lines are smoothed
   Array<int> table_;                    // the layout's, then the plan
   Array<W> constants_, vectors_;        // kernels/levels.clh
   std::vector<Array<W>> line_factors_;  // of each level, where lines are smoothed

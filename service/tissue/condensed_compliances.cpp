@@ -1,6 +1,7 @@
 #include "service/tissue/condensed_compliances.h"
 
 #include <algorithm>
+#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <span>
@@ -42,37 +43,21 @@ class CondensedCompliance final : public Compliance {
   }
 
   MatrixXd among(std::span<const std::size_t> nodes, SolveReport* report) override {
-    const Index n = Index(nodes.size());
-    const std::vector<Index> at = positions(nodes);
-    MatrixXd s(2 * n, 2 * n);
-    for (Index b = 0; b < n; ++b) {
-      for (Index a = 0; a < n; ++a) s.block<2, 2>(2 * a, 2 * b) = compliance_.block<2, 2>(at[a], at[b]);
-    }
-    state(report);
-    return s;
+    return between(nodes, {0, 1}, report);
   }
-
   MatrixXd axial_among(std::span<const std::size_t> nodes, SolveReport* report) override {
-    const Index n = Index(nodes.size());
-    const std::vector<Index> at = positions(nodes);
-    MatrixXd s(n, n);
-    for (Index b = 0; b < n; ++b) {
-      for (Index a = 0; a < n; ++a) s(a, b) = compliance_(at[a] + 1, at[b] + 1);
-    }
-    state(report);
-    return s;
+    return between(nodes, {1}, report);
   }
 
  private:
-  std::vector<Index> positions(std::span<const std::size_t> nodes) const {
-    std::vector<Index> at(nodes.size());
-    for (std::size_t a = 0; a < nodes.size(); ++a) at[a] = 2 * Index(position_among(nodes[a], columns_));
-    return at;
-  }
-  void state(SolveReport* report) const {
-    if (!report) return;
-    *report = SolveReport{};
-    report->relative_error = rounding_;
+  MatrixXd between(std::span<const std::size_t> nodes, std::initializer_list<Index> components,
+                   SolveReport* report) const {
+    std::vector<Index> unknowns;
+    unknowns.reserve(2 * nodes.size());
+    for (const std::size_t node : nodes)
+      for (const Index c : components) unknowns.push_back(2 * Index(position_among(node, columns_)) + c);
+    if (report) *report = {.relative_error = rounding_};
+    return compliance_(unknowns, unknowns);
   }
 
   const Charge held_;

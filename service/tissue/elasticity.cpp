@@ -62,15 +62,11 @@ void apply_on_host(const TissueGrid& grid, const Material& material, std::size_t
       for (std::size_t q = 0; q < count; ++q) {
         const std::size_t base = q * grid.dofs();
         Vector8 u;
-        for (std::size_t c = 0; c < 4; ++c) {
-          u[static_cast<Eigen::Index>(c)] = x[base + top + c];
-          u[static_cast<Eigen::Index>(c) + 4] = x[base + bottom + c];
-        }
+        u << Eigen::Map<const Eigen::Vector4d>(&x[base + top]),
+            Eigen::Map<const Eigen::Vector4d>(&x[base + bottom]);
         const Vector8 force = stiffness * u;
-        for (std::size_t c = 0; c < 4; ++c) {
-          y[base + top + c] += force[static_cast<Eigen::Index>(c)];
-          y[base + bottom + c] += force[static_cast<Eigen::Index>(c) + 4];
-        }
+        Eigen::Map<Eigen::Vector4d>(&y[base + top]) += force.head<4>();
+        Eigen::Map<Eigen::Vector4d>(&y[base + bottom]) += force.tail<4>();
       }
     }
 }
