@@ -80,17 +80,6 @@ std::vector<std::uint8_t> coarse_mask(const std::vector<std::uint8_t>& fine, con
 
 }  // namespace
 
-// What the set-up needs of each level on the device.
-template <class T, class W>
-template <class S>
-struct Multigrid<T, W>::Setup {
-  struct Level {
-    Array<int> lines;  // kernels/galerkin.cl
-    Array<S> weights, free;
-  };
-  std::vector<Level> levels;
-};
-
 template <class T, class W>
 Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines)
     : queue_(queue), short_side_(short_side(lines)) {
@@ -135,10 +124,9 @@ void Multigrid<T, W>::set_operator(const Array<S>& stencil, const std::vector<st
   std::vector<std::vector<std::uint8_t>> masks{free};
   for (const GridTransfer& t : transfers_) masks.push_back(coarse_mask(masks.back(), t));
   set_header(masks);
-  Setup<S> setup;
+  std::vector<Level<S>> setup(levels());
   for (std::size_t l = 0; l < levels(); ++l) {
-    setup.levels.emplace_back();
-    auto& level = setup.levels.back();
+    Level<S>& level = setup[l];
     level.free = queue_.array(as<S>(masks[l]));
     if (l + 1 == levels()) break;
     const GridTransfer& t = transfers_[l];
@@ -204,9 +192,10 @@ void Multigrid<T, W>::set_level(std::size_t index, const Array<S>& stencil, Arra
 // P^T A P, and P itself where it is more than bilinear.
 template <class T, class W>
 template <class S>
-Array<S> Multigrid<T, W>::coarse_operator(std::size_t index, const Array<S>& stencil, const Setup<S>& setup) {
+Array<S> Multigrid<T, W>::coarse_operator(std::size_t index, const Array<S>& stencil,
+                                          const std::vector<Level<S>>& setup) {
   const LevelLayout &level = layout_.levels[index], &next = layout_.levels[index + 1];
-  const auto& s = setup.levels[index];
+  const Level<S>& s = setup[index];
   const std::size_t nx = lines_[index + 1].x.size(), ny = lines_[index + 1].y.size();
   auto rows = queue_.array<S>(16 * (nx - 1) * (ny - 1)), coarse = queue_.array<S>(36 * nx * ny);
   queue_.kernel("galerkin", "interior_rows", precision_of<S>)(grid_range(nx - 1, ny - 1, 1), stencil, rows,
@@ -216,7 +205,7 @@ Array<S> Multigrid<T, W>::coarse_operator(std::size_t index, const Array<S>& ste
       {{static_cast<std::size_t>(next.stride)}, {64}}, stencil, rows, s.free, s.lines, s.weights, constants_,
       level.inside, next.stride, level.nx, level.ny, next.nx, next.ny);
   queue_.kernel("galerkin", "galerkin_product", precision_of<S>)(
-      grid_range(nx, ny, 5), stencil, rows, coarse, s.lines, s.weights, s.free, setup.levels[index + 1].free,
+      grid_range(nx, ny, 5), stencil, rows, coarse, s.lines, s.weights, s.free, setup[index + 1].free,
       level.nx, level.ny, next.nx, next.ny);
   return coarse;
 }

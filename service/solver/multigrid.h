@@ -44,14 +44,18 @@ class Multigrid : public LinearOperator<T> {
   std::size_t first_small() const { return first_small_; }
 
  private:
+  // What the set-up needs of a level on the device (kernels/galerkin.cl).
   template <class S>
-  struct Setup;
+  struct Level {
+    Array<int> lines;
+    Array<S> weights, free;
+  };
   bool smooths_lines() const { return short_side_ != ShortSide::kNeither; }
   void set_header(const std::vector<std::vector<std::uint8_t>>& free);
   template <class S>
   void set_level(std::size_t level, const Array<S>& stencil, Array<int>& indefinite);
   template <class S>
-  Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const Setup<S>&);
+  Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const std::vector<Level<S>>&);
   void invert_coarsest(const std::vector<double>& stencil);
   void reserve(std::size_t count);
   void launch(const PlannedStep&, const Array<T>& r, Array<T>& z, std::size_t count);

@@ -70,7 +70,7 @@ class CondensedCompliance final : public Compliance {
 MatrixXd compliance_of(MatrixXd stiffness, const FreeNodes& free, ColumnRange touchable) {
   invert_symmetric(stiffness);
   const Index begin = 2 * Index(touchable.first - free.first_column);
-  const Index size = 2 * Index(touchable.last - touchable.first + 1);
+  const Index size = 2 * Index(touchable.size());
   return stiffness.block(begin, begin, size, size);
 }
 
@@ -128,7 +128,7 @@ bool CondensedCompliances::give_back() {
 }
 
 std::size_t CondensedCompliances::compliance_bytes() const {
-  return 4 * touched() * touched() * sizeof(double);
+  return 4 * problem_->touchable.size() * problem_->touchable.size() * sizeof(double);
 }
 
 double CondensedCompliances::operations() const {
@@ -137,7 +137,7 @@ double CondensedCompliances::operations() const {
 
 // What a row's successor may take over (T4.2c).
 std::size_t CondensedCompliances::sides_bytes() const {
-  const std::size_t t = touched(), rows = free_.rows();
+  const std::size_t t = problem_->touchable.size(), rows = free_.rows();
   return options_.will_change ? 32 * (t * t + 2 * t * rows + 4 * rows * rows) : 0;
 }
 
@@ -148,7 +148,8 @@ std::size_t CondensedCompliances::swept_bytes() const {
 
 // While a row is condensed: a few squares of the wider of the ways.
 std::size_t CondensedCompliances::working_bytes() const {
-  const std::size_t width = cost_.columns_are_cheaper() ? std::max(touched(), free_.rows()) : free_.columns();
+  const std::size_t width =
+      cost_.columns_are_cheaper() ? std::max(problem_->touchable.size(), free_.rows()) : free_.columns();
   return 3 * 4 * width * width * sizeof(double);
 }
 

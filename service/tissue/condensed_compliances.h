@@ -51,7 +51,6 @@ class CondensedCompliances final : public Reclaimable {
   };
   std::shared_ptr<Compliance> condense(std::size_t row);
   bool by_columns(std::size_t row);
-  std::size_t touched() const { return problem_->touchable.last - problem_->touchable.first + 1; }
   std::size_t sides_bytes() const;
   std::size_t swept_bytes() const;
   std::size_t working_bytes() const;

@@ -112,7 +112,7 @@ IterativeCompliance::IterativeCompliance(std::shared_ptr<SharedSolver> shared, c
       first_dof_(2 * problem.grid.node(problem.touchable.first, row)),
       touchable_(problem.touchable),
       rounding_bound_(rounding_error(problem.material.poisson_ratio)),
-      columns_(2 * (touchable_.last - touchable_.first + 1)) {
+      columns_(2 * touchable_.size()) {
   const std::size_t pairs = columns_.size() * columns_.size();
   matrices_charge_ = account_.charge(Place::kHost, "compliances",
                                      pairs * (sizeof(double) + (2 + kRoundingSamples) * sizeof(float)));
