@@ -15,7 +15,7 @@ class Condensed final : public Peer {
   double prepare(const ContactProblem& p) override {
     model_.emplace(p.tissue.grid, p.tissue.material, p.tissue.supports,
                    service::TissueModelOptions{.thickness_m = p.tissue.thickness_m});
-    surface_ = model_->condensed(0);
+    surface_ = model_->compliance(0);
     return -1;
   }
   PeerAnswer touch(const ContactProblem& p, double) override {

@@ -49,7 +49,7 @@ std::size_t touched_nodes(const service::TissueModel& model, double radius_m,
   service::Fingertip tip;
   tip.radius_m = radius_m;
   try {
-    return service::solve_contact(model.problem(), 0, *model.condensed(0), tip, pose).pressure.size();
+    return service::solve_contact(model.problem(), 0, *model.compliance(0), tip, pose).pressure.size();
   } catch (const std::out_of_range&) {
     return std::numeric_limits<std::size_t>::max();
   }

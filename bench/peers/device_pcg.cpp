@@ -49,8 +49,8 @@ class DevicePcg final : public Peer {
   std::size_t kept_bytes() const override { return kept_bytes_; }
   PeerAnswer touch(const ContactProblem& p, double tolerance) override {
     if (tolerance != tolerance_) make_solver(p, tolerance);
-    std::vector<double> u(pressed_.size(), 0.0);
-    const service::SolveReport report = solver_->solve(1, {}, pressed_, u);
+    std::vector<double> u = pressed_;
+    const service::SolveReport report = solver_->solve(1, {}, u);
     const std::vector<double> force = solver_->nodal_forces(1, u);
     Eigen::VectorXd multiplier(p.overlap_m.size());
     for (Eigen::Index r = 0; r < multiplier.size(); ++r)
@@ -77,8 +77,7 @@ class DevicePcg final : public Peer {
       options.prescribed[p.contact_dofs[r]] = 1;
       pressed_[p.contact_dofs[r]] = p.overlap_m[static_cast<Eigen::Index>(r)];
     }
-    solver_.emplace(device_, p.tissue.grid, p.tissue.supports, options);
-    solver_->set_material(p.tissue.material);
+    solver_.emplace(device_, p.tissue.grid, p.tissue.supports, p.tissue.material, options);
     solver_->nodal_forces(1, pressed_);  // makes the multigrid levels
     tolerance_ = tolerance;
   }

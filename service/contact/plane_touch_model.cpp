@@ -1,10 +1,17 @@
 #include "service/contact/plane_touch_model.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <exception>
+#include <map>
+#include <mutex>
+#include <set>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "service/base/choices.h"
@@ -38,10 +45,7 @@ class PlaneLayer final : public TouchedLayer {
     const PlanePose at = in_plane(pose);
     const double reach = std::max(around_m, touched_m(tip, std::max(0.0, at.indentation_m)));
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
-    const ColumnRange touchable = tissue_->problem().touchable;
-    std::vector<std::size_t> nodes;
-    for (std::size_t i = touchable.first; i <= touchable.last; ++i)
-      if (std::abs(columns_m[i] - at.x_m) <= reach) nodes.push_back(i);
+    std::vector<std::size_t> nodes = touchable_columns(at.x_m, reach);
     std::sort(nodes.begin(), nodes.end(), [&](std::size_t a, std::size_t b) {
       return std::abs(columns_m[a] - at.x_m) < std::abs(columns_m[b] - at.x_m);
     });
@@ -68,11 +72,7 @@ class PlaneLayer final : public TouchedLayer {
       const auto at = std::ranges::lower_bound(columns_m, node.position_m[0]);
       loaded.push_back(static_cast<std::size_t>(at - columns_m.begin()));
     }
-    const ColumnRange touchable = tissue_->problem().touchable;
-    std::vector<std::size_t> shown;
-    for (std::size_t i = touchable.first; i <= touchable.last; ++i)
-      if (std::abs(columns_m[i] - pose.position_m[0]) <= around_m) shown.push_back(i);
-    shown = every(shown, max_nodes);
+    const std::vector<std::size_t> shown = every(touchable_columns(pose.position_m[0], around_m), max_nodes);
     DeformedLayer out{{}, {pose.position_m[2]}, {}};
     for (const std::size_t i : shown) out.x_m.push_back(columns_m[i]);
     const Eigen::VectorXd moved = compliance_->axial_under(shown, loaded, force_n_m);
@@ -99,6 +99,13 @@ class PlaneLayer final : public TouchedLayer {
   }
 
  private:
+  std::vector<std::size_t> touchable_columns(double x_m, double reach_m) const {
+    const TissueProblem& tissue = tissue_->problem();
+    std::vector<std::size_t> columns;
+    for (std::size_t i = tissue.touchable.first; i <= tissue.touchable.last; ++i)
+      if (std::abs(tissue.grid.x_m[i] - x_m) <= reach_m) columns.push_back(i);
+    return columns;
+  }
   static PlanePose in_plane(const TouchPose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 
   const std::shared_ptr<const TissueModel> tissue_;
@@ -109,6 +116,66 @@ class PlaneLayer final : public TouchedLayer {
 };
 
 }  // namespace
+
+// The compliances of one model that touches ask for. Making one ready takes from milliseconds to seconds, so
+// it is done elsewhere: a touch gets one where it is there, and nothing while it is being made. Thread-safe.
+class PlaneTouchModel::PreparedCompliances : public std::enable_shared_from_this<PreparedCompliances> {
+ public:
+  explicit PreparedCompliances(std::shared_ptr<const TissueModel> model) : model_(std::move(model)) {}
+
+  // As TissueModel::compliance(). Null while it is being made, which this asks `work` for, in the client's
+  // turn. Throws what making it throws, here or elsewhere.
+  std::shared_ptr<Compliance> get(std::size_t row, const std::shared_ptr<Device>& device,
+                                  const TouchWork& work, const std::string& client) {
+    if (auto ready = model_->ready(row, device)) return ready;
+    if (!work) return model_->compliance(row, device);
+    const Key key{row, device};
+    {
+      const std::lock_guard lock(mutex_);
+      Entry& entry = entries_[key];
+      if (entry.asked.contains(client)) return nullptr;
+      if (entry.asked.empty() && entry.error && Clock::now() < entry.retry)
+        std::rethrow_exception(entry.error);
+      entry.asked.insert(client);
+    }
+    work(client, [self = shared_from_this(), key] { self->make_for_others(key); });
+    return nullptr;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  using Key = std::pair<std::size_t, std::shared_ptr<Device>>;
+  // One that could not be made is tried again after this long; until then asking for it says why.
+  static constexpr std::chrono::seconds kRetry{1};
+  struct Entry {
+    std::set<std::string> asked;  // clients in whose turns it is to be made; none: it is not
+    std::exception_ptr error;     // why it could not be made, the last time
+    Clock::time_point retry{};
+  };
+
+  void make_for_others(const Key& key) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (entries_[key].asked.empty()) return;  // made in another's turn
+    }
+    std::exception_ptr error;
+    try {
+      model_->compliance(key.first, key.second);  // which keeps it
+    } catch (const std::exception& e) {
+      error = std::current_exception();
+      spdlog::warn("event=layer_not_prepared row={} error=\"{}\"", key.first, e.what());
+    }
+    const std::lock_guard lock(mutex_);
+    Entry& entry = entries_[key];
+    entry.asked.clear();
+    entry.error = std::move(error);
+    entry.retry = Clock::now() + kRetry;
+  }
+
+  const std::shared_ptr<const TissueModel> model_;
+  std::mutex mutex_;  // held for looking things up only
+  std::map<Key, Entry> entries_;
+};
 
 PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue, MemoryAccount account)
     : TouchModel(std::move(account)),

@@ -5,7 +5,6 @@
 #include <memory>
 
 #include "service/contact/plane_budget.h"
-#include "service/contact/prepared_compliances.h"
 #include "service/contact/touch_model.h"
 #include "service/tissue/tissue_model.h"
 
@@ -25,6 +24,7 @@ class PlaneTouchModel final : public TouchModel {
   const TissueModel& tissue() const { return *tissue_; }
 
  private:
+  class PreparedCompliances;
   const std::shared_ptr<const TissueModel> tissue_;
   const std::shared_ptr<const PlaneBudget> budget_;
   const std::shared_ptr<PreparedCompliances> compliances_;

@@ -35,7 +35,7 @@ class PlaneModels final : public TouchModels {
     auto tissue = build_window_tissue(wanted.geometry, wanted.map, wanted.region.begin_x_m,
                                       wanted.region.end_x_m, options, before);
     for (const Layer& layer : wanted.in_use) try {
-        tissue->condensed(row_of(*tissue, layer), before);
+        tissue->compliance(row_of(*tissue, layer));
       } catch (
           const MemoryRefused& refused) {  // who touches it finds it unprepared; others have their window
         spdlog::warn("event=layer_not_prepared depth_m={} error=\"{}\"", layer.depth_m, refused.what());

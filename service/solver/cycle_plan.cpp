@@ -36,4 +36,16 @@ std::vector<PlannedStep> plan_cycle(std::size_t levels, std::size_t smoothing_st
   return plan;
 }
 
+std::vector<ChebyshevStep> chebyshev_steps(double lowest, double highest, unsigned steps) {
+  const double theta = (highest + lowest) / 2, delta = (highest - lowest) / 2, sigma = theta / delta;
+  std::vector<ChebyshevStep> out{{0, 1 / theta}};
+  double rho = 1 / sigma;
+  while (out.size() < steps) {
+    const double next = 1 / (2 * sigma - rho);
+    out.push_back({next * rho, 2 * next / delta});
+    rho = next;
+  }
+  return out;
+}
+
 }  // namespace teletact::service

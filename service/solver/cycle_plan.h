@@ -1,4 +1,4 @@
-// The steps of one multigrid cycle, in order.
+// The steps of one multigrid cycle, in order, and the coefficients of those that smooth.
 #pragma once
 
 #include <cstddef>
@@ -27,5 +27,12 @@ struct PlannedStep {
 // level, two from every other (W), so that the coarse problem is solved about equally well on every grid.
 // Read backwards it is the same cycle, which keeps it symmetric.
 std::vector<PlannedStep> plan_cycle(std::size_t levels, std::size_t smoothing_steps);
+
+// Chebyshev iteration (Saad, Iterative Methods, algorithm 12.1) on [lowest, highest]. Step k: d = old d +
+// new D^-1 r, z += d.
+struct ChebyshevStep {
+  double old_direction = 0, new_residual = 0;
+};
+std::vector<ChebyshevStep> chebyshev_steps(double lowest, double highest, unsigned steps);
 
 }  // namespace teletact::service

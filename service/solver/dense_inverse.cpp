@@ -25,13 +25,14 @@ void sweep(std::vector<double>& a, std::size_t n, std::size_t k, Eigen::ArrayXd&
 
 }  // namespace
 
-void invert_symmetric(std::vector<double>& matrix, std::size_t n, double smallest_pivot) {
+void invert_symmetric(std::vector<double>& matrix, std::size_t n) {
+  constexpr double kSmallestPivot = 1e-13;
   std::vector<double> diagonal(n);
   for (std::size_t k = 0; k < n; ++k) diagonal[k] = matrix[k * n + k];
   std::vector<bool> left_out(n);
   Eigen::ArrayXd column(n);
   for (std::size_t k = 0; k < n; ++k) {
-    left_out[k] = !(matrix[k * n + k] > smallest_pivot * diagonal[k]);
+    left_out[k] = !(matrix[k * n + k] > kSmallestPivot * diagonal[k]);
     if (!left_out[k]) sweep(matrix, n, k, column);
   }
   for (std::size_t i = 0; i < n; ++i)

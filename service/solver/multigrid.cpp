@@ -4,14 +4,18 @@
 #include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "service/solver/dense_inverse.h"
-#include "service/solver/precision.h"
 #include "service/solver/smoother.h"
 
 namespace teletact::service {
 namespace {
+
+constexpr unsigned kSmoothingSteps = 3;      // degree of the Chebyshev polynomial
+constexpr double kSmoothingRange = 10;       // it damps eigenvalues of M A in [largest / this, largest]
+constexpr std::size_t kCoarsestNodes = 100;  // a level of at most so many nodes is solved exactly
 
 template <class T>
 std::vector<T> as(const auto& values) {
@@ -23,6 +27,18 @@ std::vector<T> joined(std::initializer_list<const std::vector<T>*> parts) {
   std::vector<T> all;
   for (const std::vector<T>* part : parts) all.insert(all.end(), part->begin(), part->end());
   return all;
+}
+
+// A copy of `from` as T: S or float.
+template <class T, class S>
+Array<T> converted(const Queue& queue, const Array<S>& from) {
+  auto to = queue.array<T>(from.size());
+  if constexpr (std::is_same_v<S, T>)
+    queue.copy(from, to);
+  else
+    queue.kernel("galerkin", "to_float", precision_of<S>)({{from.size()}, {64}}, from, to,
+                                                          static_cast<int>(from.size()));
+  return to;
 }
 
 template <class W>
@@ -65,44 +81,16 @@ std::vector<std::uint8_t> coarse_mask(const std::vector<std::uint8_t>& fine, con
 }  // namespace
 
 template <class T, class W>
-struct Multigrid<T, W>::Kernels {
-  explicit Kernels(const Queue& queue) {
-    const auto get = [&](const char* name) {
-      return queue.kernel("multigrid", name, precision_of<W>, defines_of<T, W>(queue));
-    };
-    residual = get("residual");
-    smooth = get("smooth");
-    restriction = get("restrict_residual");
-    prolong = get("prolong_add");
-    run = get("run_steps");
-    pack = get("vectors_to_planes");
-    unpack = get("planes_to_vectors");
-  }
-  Kernel residual, smooth, restriction, prolong, run, pack, unpack, solve_lines, line_step;
-};
-
-// What the set-up needs of each level on the device.
-template <class T, class W>
-template <class S>
-struct Multigrid<T, W>::Setup {
-  struct Level {
-    Array<int> lines;  // kernels/galerkin.cl
-    Array<S> weights, free;
-  };
-  std::vector<Level> levels;
-};
-
-template <class T, class W>
-Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines, const MultigridOptions& options)
-    : queue_(queue), short_side_(short_side(lines)), kernels_(std::make_unique<Kernels>(queue)) {
+Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines)
+    : queue_(queue), short_side_(short_side(lines)) {
   const double largest = smooths_lines() ? kLargestLineEigenvalue : kLargestCellEigenvalue;
-  steps_ = chebyshev_steps(largest / options.smoothing_range, largest, std::max(1U, options.smoothing_steps));
+  steps_ = chebyshev_steps(largest / kSmoothingRange, largest, kSmoothingSteps);
   lines_.push_back(lines);
   for (double spacing = smallest_spacing(lines);; spacing *= 2) {
     const NodeLines& fine = lines_.back();
     GridTransfer transfer = smooths_lines() ? coarsen_fully(fine) : coarsen(fine, spacing);
     NodeLines coarse{transfer.x.coarse, transfer.y.coarse};
-    if (fine.nodes() <= options.coarsest_nodes || coarse.nodes() == fine.nodes()) break;
+    if (fine.nodes() <= kCoarsestNodes || coarse.nodes() == fine.nodes()) break;
     transfers_.push_back(std::move(transfer));
     lines_.push_back(std::move(coarse));
   }
@@ -115,13 +103,20 @@ Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines, const Mul
   for (const PlannedStep& s : plan_) table.insert(table.end(), {static_cast<int>(s.step), s.level, s.k});
   table_ = queue_.array(table);
   constants_ = queue_.array<W>(static_cast<std::size_t>(layout_.constants_size));
+  const auto get = [&](const char* name) {
+    return queue.kernel("multigrid", name, precision_of<W>, defines_of<T, W>(queue));
+  };
+  residual_ = get("residual");
+  smooth_ = get("smooth");
+  restriction_ = get("restrict_residual");
+  prolong_ = get("prolong_add");
+  run_ = get("run_steps");
+  pack_ = get("vectors_to_planes");
+  unpack_ = get("planes_to_vectors");
   if (!smooths_lines()) return;
-  kernels_->solve_lines = queue.kernel("lines", "solve_lines", precision_of<W>);
-  kernels_->line_step = queue.kernel("lines", "line_step", precision_of<W>);
+  solve_lines_ = queue.kernel("lines", "solve_lines", precision_of<W>);
+  line_step_ = queue.kernel("lines", "line_step", precision_of<W>);
 }
-
-template <class T, class W>
-Multigrid<T, W>::~Multigrid() = default;
 
 template <class T, class W>
 template <class S>
@@ -129,10 +124,9 @@ void Multigrid<T, W>::set_operator(const Array<S>& stencil, const std::vector<st
   std::vector<std::vector<std::uint8_t>> masks{free};
   for (const GridTransfer& t : transfers_) masks.push_back(coarse_mask(masks.back(), t));
   set_header(masks);
-  Setup<S> setup;
+  std::vector<Level<S>> setup(levels());
   for (std::size_t l = 0; l < levels(); ++l) {
-    setup.levels.emplace_back();
-    auto& level = setup.levels.back();
+    Level<S>& level = setup[l];
     level.free = queue_.array(as<S>(masks[l]));
     if (l + 1 == levels()) break;
     const GridTransfer& t = transfers_[l];
@@ -198,9 +192,10 @@ void Multigrid<T, W>::set_level(std::size_t index, const Array<S>& stencil, Arra
 // P^T A P, and P itself where it is more than bilinear.
 template <class T, class W>
 template <class S>
-Array<S> Multigrid<T, W>::coarse_operator(std::size_t index, const Array<S>& stencil, const Setup<S>& setup) {
+Array<S> Multigrid<T, W>::coarse_operator(std::size_t index, const Array<S>& stencil,
+                                          const std::vector<Level<S>>& setup) {
   const LevelLayout &level = layout_.levels[index], &next = layout_.levels[index + 1];
-  const auto& s = setup.levels[index];
+  const Level<S>& s = setup[index];
   const std::size_t nx = lines_[index + 1].x.size(), ny = lines_[index + 1].y.size();
   auto rows = queue_.array<S>(16 * (nx - 1) * (ny - 1)), coarse = queue_.array<S>(36 * nx * ny);
   queue_.kernel("galerkin", "interior_rows", precision_of<S>)(grid_range(nx - 1, ny - 1, 1), stencil, rows,
@@ -210,7 +205,7 @@ Array<S> Multigrid<T, W>::coarse_operator(std::size_t index, const Array<S>& ste
       {{static_cast<std::size_t>(next.stride)}, {64}}, stencil, rows, s.free, s.lines, s.weights, constants_,
       level.inside, next.stride, level.nx, level.ny, next.nx, next.ny);
   queue_.kernel("galerkin", "galerkin_product", precision_of<S>)(
-      grid_range(nx, ny, 5), stencil, rows, coarse, s.lines, s.weights, s.free, setup.levels[index + 1].free,
+      grid_range(nx, ny, 5), stencil, rows, coarse, s.lines, s.weights, s.free, setup[index + 1].free,
       level.nx, level.ny, next.nx, next.ny);
   return coarse;
 }
@@ -243,28 +238,6 @@ void Multigrid<T, W>::invert_coarsest(const std::vector<double>& stencil) {
 }
 
 template <class T, class W>
-double Multigrid<T, W>::mean_nodes(CycleStep step) const {
-  double nodes = 0, launches = 0;
-  for (const PlannedStep& s : plan_) {
-    const auto level = static_cast<std::size_t>(s.level);
-    if (s.step != step || level >= first_small_) continue;
-    nodes += static_cast<double>(lines_[level].nodes());
-    ++launches;
-  }
-  return launches > 0 ? nodes / launches : 0;
-}
-
-template <class T, class W>
-double Multigrid<T, W>::small_nodes(CycleStep step) const {
-  double nodes = 0;
-  for (const PlannedStep& s : plan_) {
-    const auto level = static_cast<std::size_t>(s.level);
-    if (s.step == step && level >= first_small_) nodes += static_cast<double>(lines_[level].nodes());
-  }
-  return nodes;
-}
-
-template <class T, class W>
 void Multigrid<T, W>::reserve(std::size_t count) {
   if (count <= reserved_) return;
   vectors_ = queue_.array<W>(count * static_cast<std::size_t>(layout_.vectors_size));
@@ -287,9 +260,9 @@ void Multigrid<T, W>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
     }
     const std::size_t from = s;
     while (small(s)) ++s;
-    kernels_->run({{group, count}, {group}}, constants_, vectors_, table_, r, z,
-                  static_cast<int>(layout_.table.size()), static_cast<int>(from), static_cast<int>(s),
-                  layout_.vectors_size);
+    run_({{group, count}, {group}}, constants_, vectors_, table_, r, z,
+         static_cast<int>(layout_.table.size()), static_cast<int>(from), static_cast<int>(s),
+         layout_.vectors_size);
   }
 }
 
@@ -306,20 +279,20 @@ void Multigrid<T, W>::launch(const PlannedStep& s, const Array<T>& r, Array<T>& 
   const auto next = [&] { return by_rows(layout_.levels[static_cast<std::size_t>(s.level) + 1]); };
   switch (s.step) {
     case CycleStep::kResidual:
-      return kernels_->residual(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return residual_(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size);
     case CycleStep::kSmooth:
     case CycleStep::kSmoothFromZero:
       if (smooths_lines()) return smooth_lines(s, count);
-      return kernels_->smooth(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size, s.k,
-                              static_cast<int>(s.step == CycleStep::kSmoothFromZero));
+      return smooth_(over_nodes, constants_, vectors_, table_, s.level, layout_.vectors_size, s.k,
+                     static_cast<int>(s.step == CycleStep::kSmoothFromZero));
     case CycleStep::kRestrict:
-      return kernels_->restriction(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return restriction_(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
     case CycleStep::kProlong:
-      return kernels_->prolong(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
+      return prolong_(next(), constants_, vectors_, table_, s.level, layout_.vectors_size);
     case CycleStep::kPack:
-      return kernels_->pack(by_rows(level), r, vectors_, table_, layout_.vectors_size);
+      return pack_(by_rows(level), r, vectors_, table_, layout_.vectors_size);
     case CycleStep::kUnpack:
-      return kernels_->unpack(by_rows(level), vectors_, z, table_, layout_.vectors_size);
+      return unpack_(by_rows(level), vectors_, z, table_, layout_.vectors_size);
     case CycleStep::kSolve:
       throw std::logic_error("multigrid: the coarsest level is always small");
   }
@@ -331,11 +304,10 @@ void Multigrid<T, W>::smooth_lines(const PlannedStep& s, std::size_t count) {
   const std::size_t nx = lines_[index].x.size(), ny = lines_[index].y.size();
   const bool along_x = short_side_ == ShortSide::kX, from_zero = s.step == CycleStep::kSmoothFromZero;
   const std::size_t lines = (along_x ? ny : nx) - 1;
-  kernels_->solve_lines({{lines, count}, {8}}, line_factors_[index], vectors_, line_solutions_, table_,
-                        s.level, layout_.vectors_size, static_cast<int>(along_x),
-                        static_cast<int>(from_zero));
-  kernels_->line_step(grid_range(nx, ny, count), constants_, line_solutions_, vectors_, table_, s.level,
-                      layout_.vectors_size, static_cast<int>(along_x), s.k, static_cast<int>(from_zero));
+  solve_lines_({{lines, count}, {8}}, line_factors_[index], vectors_, line_solutions_, table_, s.level,
+               layout_.vectors_size, static_cast<int>(along_x), static_cast<int>(from_zero));
+  line_step_(grid_range(nx, ny, count), constants_, line_solutions_, vectors_, table_, s.level,
+             layout_.vectors_size, static_cast<int>(along_x), s.k, static_cast<int>(from_zero));
 }
 
 template class Multigrid<float>;

@@ -14,10 +14,8 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <vector>
 
-#include "service/solver/chebyshev.h"
 #include "service/solver/cycle_plan.h"
 #include "service/solver/level_layout.h"
 #include "service/solver/linear_operator.h"
@@ -25,18 +23,11 @@
 
 namespace teletact::service {
 
-struct MultigridOptions {
-  unsigned smoothing_steps = 3;      // degree of the Chebyshev polynomial, >= 1
-  double smoothing_range = 10;       // it damps eigenvalues of M A in [largest / this, largest]
-  std::size_t coarsest_nodes = 100;  // a level of at most so many nodes is solved exactly
-};
-
 // For vectors of T; it works in W: T, or float where T is double, at half the bytes.
 template <class T, class W = T>
 class Multigrid : public LinearOperator<T> {
  public:
-  Multigrid(const Queue&, const NodeLines&, const MultigridOptions& = {});
-  ~Multigrid() override;
+  Multigrid(const Queue&, const NodeLines&);
   // Sets the finest operator, [9][ny][nx] blocks of 4 (kernels/stencil.clh), symmetric, constrained unknowns
   // as the identity, and computes the rest. Throws std::invalid_argument when the operator is found not to be
   // positive definite. S: double where the device has it, else float. free: [node][2], 1 or 0 for a
@@ -47,22 +38,24 @@ class Multigrid : public LinearOperator<T> {
   // use of a larger count.
   void apply(const Array<T>& r, Array<T>& z, std::size_t count) override;
   std::size_t levels() const { return lines_.size(); }
-  std::size_t coarsest_nodes() const { return lines_.back().nodes(); }
-  // Nodes of the levels on which a step is a launch of its own, the mean over these launches; 0 without any.
-  double mean_nodes(CycleStep) const;
-  // Nodes that the steps of a kind go over in the one launch of the small levels, together.
-  double small_nodes(CycleStep) const;
+  std::size_t nodes(std::size_t level) const { return lines_[level].nodes(); }
+  const std::vector<PlannedStep>& plan() const { return plan_; }
+  // From this level on steps that follow each other are one launch.
+  std::size_t first_small() const { return first_small_; }
 
  private:
-  struct Kernels;
+  // What the set-up needs of a level on the device (kernels/galerkin.cl).
   template <class S>
-  struct Setup;
+  struct Level {
+    Array<int> lines;
+    Array<S> weights, free;
+  };
   bool smooths_lines() const { return short_side_ != ShortSide::kNeither; }
   void set_header(const std::vector<std::vector<std::uint8_t>>& free);
   template <class S>
   void set_level(std::size_t level, const Array<S>& stencil, Array<int>& indefinite);
   template <class S>
-  Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const Setup<S>&);
+  Array<S> coarse_operator(std::size_t level, const Array<S>& stencil, const std::vector<Level<S>>&);
   void invert_coarsest(const std::vector<double>& stencil);
   void reserve(std::size_t count);
   void launch(const PlannedStep&, const Array<T>& r, Array<T>& z, std::size_t count);
@@ -75,7 +68,8 @@ class Multigrid : public LinearOperator<T> {
   std::vector<PlannedStep> plan_;
   std::size_t first_small_ = 0;  // level from which on steps run in one work-group
   HierarchyLayout layout_;
-  std::unique_ptr<Kernels> kernels_;
+  Kernel residual_, smooth_, restriction_, prolong_, run_, pack_, unpack_;
+  Kernel solve_lines_, line_step_;      // where lines are smoothed
   Array<int> table_;                    // the layout's, then the plan
   Array<W> constants_, vectors_;        // kernels/levels.clh
   std::vector<Array<W>> line_factors_;  // of each level, where lines are smoothed

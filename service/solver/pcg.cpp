@@ -2,10 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <stdexcept>
-
-#include "service/solver/ritz.h"
 
 namespace teletact::service {
 namespace {
@@ -29,6 +28,17 @@ constexpr std::size_t kSmallestChunk = 32, kMaxChunks = 1024;
 
 constexpr std::size_t kLocal = 64;  // work-group size over nodes
 
+// Whether the tridiagonal matrix less `shift` is positive definite: all pivots of its LDL^T are positive.
+bool positive_definite(const std::vector<double>& diagonal, const std::vector<double>& squared_off,
+                       double shift) {
+  double pivot = 1;
+  for (std::size_t k = 0; k < diagonal.size(); ++k) {
+    pivot = diagonal[k] - shift - (k ? squared_off[k - 1] / pivot : 0);
+    if (!(pivot > 0)) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 const char* to_string(StopReason reason) {
@@ -47,11 +57,29 @@ const char* to_string(StopReason reason) {
   return "unknown";
 }
 
+double smallest_ritz_value(const Lanczos& lanczos) {
+  std::vector<double> diagonal, squared_off;
+  double highest = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < lanczos.alpha.size(); ++k) {
+    if (!(lanczos.alpha[k] > 0)) break;  // the step that stopped it
+    diagonal.push_back(1 / lanczos.alpha[k] + (k ? lanczos.beta[k - 1] / lanczos.alpha[k - 1] : 0));
+    squared_off.push_back(lanczos.beta[k] / (lanczos.alpha[k] * lanczos.alpha[k]));
+    highest = std::min(highest, diagonal.back());
+  }
+  if (diagonal.empty()) return 0;
+  double lowest = 0;
+  for (int step = 0; step < 40; ++step) {
+    const double middle = (lowest + highest) / 2;
+    (positive_definite(diagonal, squared_off, middle) ? lowest : highest) = middle;
+  }
+  return highest;
+}
+
 template <class T>
 Pcg<T>::Pcg(const Queue& queue, std::size_t unknowns, std::size_t count, const PcgOptions& options)
     : queue_(queue), options_(options), nodes_(unknowns / 2), capacity_(count) {
-  if (options.max_iterations == 0 || options.delay == 0 || options.look_every == 0)
-    throw std::invalid_argument("PcgOptions: max_iterations, delay and look_every must be at least 1");
+  if (options.max_iterations == 0 || options.look_every == 0)
+    throw std::invalid_argument("PcgOptions: max_iterations and look_every must be at least 1");
   chunk_ = std::max(kSmallestChunk, (nodes_ + kMaxChunks - 1) / kMaxChunks);
   chunks_ = (nodes_ + chunk_ - 1) / chunk_;
   const auto get = [&](const char* name) { return queue.kernel("pcg", name, precision_of<T>); };
@@ -108,7 +136,7 @@ void Pcg<T>::advance(LinearOperator<T>& a, std::size_t iteration, std::size_t co
   alpha_(each, partial_, scalars_, k, chunks, rhs);
   // x += alpha p, r -= alpha A p
   update_(all, scalars_, p_, ap_, x, r, partial_, nodes, chunk, chunks, rhs);
-  judge_(each, partial_, scalars_, k, static_cast<int>(options_.delay),
+  judge_(each, partial_, scalars_, k, static_cast<int>(kDelay),
          static_cast<T>(options_.relative_error * options_.relative_error),
          static_cast<T>(options_.relative_residual * options_.relative_residual), chunks, rhs);
 }
@@ -138,7 +166,7 @@ std::vector<PcgResult> Pcg<T>::solve(LinearOperator<T>& a, LinearOperator<T>& pr
     advance(a, k, count, r, load, x);
     const std::size_t done = k + 1;
     const bool last = done >= options_.max_iterations;
-    if (last || (done >= 2 * options_.delay && done % options_.look_every == 0)) {
+    if (last || (done >= 2 * kDelay && done % options_.look_every == 0)) {
       std::vector<T> scalars((kFields + kHistory * done) * count);
       queue_.read(scalars_, scalars.data(), scalars.size());
       const std::span<const T> states = std::span(scalars).subspan(kState * count, count);

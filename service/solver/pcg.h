@@ -20,11 +20,12 @@ namespace teletact::service {
 enum class StopReason { kRunning, kConverged, kIterationLimit, kIndefinite, kNotFinite };
 const char* to_string(StopReason);
 
+constexpr std::size_t kDelay = 2;  // iterations that the error estimate looks back; it needs twice as many
+
 struct PcgOptions {
   double relative_error = 1e-7;      // ||e||_A / ||u||_A to reach; 0 = not a criterion
   double relative_residual = 0;      // ||r|| / ||r_0|| to reach instead; 0 = not a criterion
   std::size_t max_iterations = 500;  // > 0
-  std::size_t delay = 2;             // iterations that the error estimate looks back; it needs twice as many
   std::size_t look_every = 1;        // iterations between two looks at the states, once they can change
 };
 
@@ -33,11 +34,18 @@ struct PcgResult {
   StopReason reason = StopReason::kRunning;
   std::size_t iterations = 0;
   double recursive_residual = 0;   // ||r|| by the recurrence
-  double squared_error = 0;        // estimate of ||e||_A^2; infinite before 2 delay iterations
+  double squared_error = 0;        // estimate of ||e||_A^2; infinite before 2 kDelay iterations
   double squared_energy = 0;       // ||u||_A^2
   double squared_decrease = 0;     // ||x||_A^2: what the squared error was at the start, less squared_error
   double smallest_eigenvalue = 0;  // of M A, the smallest Ritz value (an upper bound); 0 without iterations
 };
+
+// Coefficients of each iteration, and the smallest eigenvalue of their Lanczos matrix (Golub and Van Loan,
+// 11.3.5): an upper bound of M A's smallest that tightens as the iteration converges; 0 without iterations.
+struct Lanczos {
+  std::vector<double> alpha, beta;
+};
+double smallest_ritz_value(const Lanczos&);
 
 template <class T>
 class Pcg {

@@ -151,7 +151,7 @@ MatrixXd joined(const CondensedSides& sides, const TouchedNodes& touched) {
 
 CondensationCost condensation_cost(const FreeNodes& free, const ColumnRange& touched) {
   const double rows = double(free.rows()), columns = double(free.columns());
-  const double width = 2 * columns, depth = 2 * rows, nodes = double(touched.last - touched.first + 1);
+  const double width = 2 * columns, depth = 2 * rows, nodes = double(touched.size());
   return {(rows + 1) * width * width * width, columns * depth * depth * depth +
                                                   depth * depth * nodes * nodes +
                                                   depth * nodes * nodes * (nodes / 3 + 4)};

@@ -36,7 +36,6 @@ FreeNodes free_nodes(const TissueGrid& grid, const Supports& supports) {
 LayeredStiffness::LayeredStiffness(const TissueGrid& grid, const Material& material, const Supports& supports,
                                    Layers layers)
     : grid_(grid), material_(material), layers_(layers) {
-  validate(grid, material);
   const FreeNodes free = free_nodes(grid, supports);
   first_layer_ = free.first_row, last_layer_ = free.last_row;
   first_node_ = free.first_column, last_node_ = free.last_column;

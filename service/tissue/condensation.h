@@ -52,7 +52,7 @@ enum class Layers { kRows, kColumns };  // of nodes: what K is ordered by
 // layer's freedoms are [u_x, u_y] of its nodes, from the left or from the top. Refers to grid and material.
 class LayeredStiffness {
  public:
-  // Throws std::invalid_argument when the inputs are unusable, as free_nodes().
+  // Of a grid and a material as validate() accepts them. Throws as free_nodes().
   LayeredStiffness(const TissueGrid&, const Material&, const Supports&, Layers);
   std::size_t layers() const;                               // fixed ones too
   std::size_t first_layer() const { return first_layer_; }  // free ones, inclusive

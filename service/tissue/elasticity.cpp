@@ -18,6 +18,17 @@ std::vector<T> intervals(const std::vector<double>& coordinates, double length) 
   return out;
 }
 
+// Of each element E over the reference, then mu / 3.
+template <class T>
+std::vector<T> moduli(const ScaledTissue& tissue, T mu_per_e) {
+  std::vector<T> out;
+  for (const double e : tissue.material.youngs_modulus_pa)
+    out.push_back(static_cast<T>(e / tissue.reference_pa));
+  for (std::size_t k = 0; k < tissue.material.youngs_modulus_pa.size(); ++k)
+    out.push_back(mu_per_e * out[k] / 3);
+  return out;
+}
+
 }  // namespace
 
 LameRatios lame_ratios(double nu) {
@@ -51,29 +62,26 @@ void apply_on_host(const TissueGrid& grid, const Material& material, std::size_t
       for (std::size_t q = 0; q < count; ++q) {
         const std::size_t base = q * grid.dofs();
         Vector8 u;
-        for (std::size_t c = 0; c < 4; ++c) {
-          u[static_cast<Eigen::Index>(c)] = x[base + top + c];
-          u[static_cast<Eigen::Index>(c) + 4] = x[base + bottom + c];
-        }
+        u << Eigen::Map<const Eigen::Vector4d>(&x[base + top]),
+            Eigen::Map<const Eigen::Vector4d>(&x[base + bottom]);
         const Vector8 force = stiffness * u;
-        for (std::size_t c = 0; c < 4; ++c) {
-          y[base + top + c] += force[static_cast<Eigen::Index>(c)];
-          y[base + bottom + c] += force[static_cast<Eigen::Index>(c) + 4];
-        }
+        Eigen::Map<Eigen::Vector4d>(&y[base + top]) += force.head<4>();
+        Eigen::Map<Eigen::Vector4d>(&y[base + bottom]) += force.tail<4>();
       }
     }
 }
 
 template <class T>
-Elasticity<T>::Elasticity(const Queue& queue, const TissueGrid& grid, const std::vector<std::uint8_t>& free,
-                          double length)
+Elasticity<T>::Elasticity(const Queue& queue, const ScaledTissue& tissue, double length)
     : queue_(queue),
-      nx_(grid.nx()),
-      ny_(grid.ny()),
-      modulus_(queue.array<T>(2 * grid.elements())),
-      width_(queue.array(intervals<T>(grid.x_m, length))),
-      height_(queue.array(intervals<T>(grid.y_m, length))),
-      free_(queue.array(std::vector<T>(free.begin(), free.end()))),
+      nx_(tissue.grid.nx()),
+      ny_(tissue.grid.ny()),
+      mu_per_e_(static_cast<T>(lame_ratios(tissue.material.poisson_ratio).mu_per_e)),
+      lambda_per_e_(static_cast<T>(lame_ratios(tissue.material.poisson_ratio).lambda_per_e)),
+      modulus_(queue.array(moduli(tissue, mu_per_e_))),
+      width_(queue.array(intervals<T>(tissue.grid.x_m, length))),
+      height_(queue.array(intervals<T>(tissue.grid.y_m, length))),
+      free_(queue.array(std::vector<T>(tissue.free.begin(), tissue.free.end()))),
       at_once_(queue.info().width<T>()),
       apply_(kernel("elasticity_apply")),
       stencil_(kernel("elasticity_stencil")) {}
@@ -81,18 +89,6 @@ Elasticity<T>::Elasticity(const Queue& queue, const TissueGrid& grid, const std:
 template <class T>
 Kernel Elasticity<T>::kernel(const char* name) const {
   return queue_.kernel("elasticity", name, precision_of<T>, {{"WIDTH", std::to_string(at_once_)}});
-}
-
-template <class T>
-void Elasticity<T>::set_material(const Material& material, double reference_pa) {
-  const LameRatios lame = lame_ratios(material.poisson_ratio);
-  mu_per_e_ = static_cast<T>(lame.mu_per_e);
-  lambda_per_e_ = static_cast<T>(lame.lambda_per_e);
-  std::vector<T> modulus;
-  for (const double e : material.youngs_modulus_pa) modulus.push_back(static_cast<T>(e / reference_pa));
-  for (std::size_t k = 0; k < material.youngs_modulus_pa.size(); ++k)
-    modulus.push_back(mu_per_e_ * modulus[k] / 3);
-  queue_.send(modulus_, modulus.data(), modulus.size());
 }
 
 template <class T>

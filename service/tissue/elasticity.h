@@ -26,13 +26,19 @@ std::vector<std::uint8_t> free_unknowns(const TissueGrid&, const Supports&);
 void apply_on_host(const TissueGrid&, const Material&, std::size_t count, std::span<const double> x,
                    std::span<double> y, double length = 1);
 
+// What is solved. K is computed for the moduli over reference_pa, to stay within the range of float.
+struct ScaledTissue {
+  TissueGrid grid;
+  Material material;
+  double reference_pa = 1;
+  std::vector<std::uint8_t> free;  // [node][2]: 1, or 0 where an unknown is held
+};
+
 template <class T>
 class Elasticity : public LinearOperator<T> {
  public:
   // `length`: as above.
-  Elasticity(const Queue&, const TissueGrid&, const std::vector<std::uint8_t>& free, double length = 1);
-  // K is computed for the moduli divided by reference_pa, to stay within the range of float.
-  void set_material(const Material&, double reference_pa);
+  Elasticity(const Queue&, const ScaledTissue&, double length = 1);
   // Constrained unknowns as the identity; x must vanish there, as conjugate gradients' vectors do.
   void apply(const Array<T>& x, Array<T>& y, std::size_t count) override;
   // y = K x for all unknowns.
@@ -45,8 +51,8 @@ class Elasticity : public LinearOperator<T> {
   void launch(const Array<T>& x, Array<T>& y, std::size_t count, int constrain);
   Queue queue_;
   std::size_t nx_, ny_;
+  T mu_per_e_, lambda_per_e_;
   Array<T> modulus_, width_, height_, free_;
-  T mu_per_e_ = 0, lambda_per_e_ = 0;
   std::size_t at_once_;  // nodes of a work item (kernels/wide.clh)
   Kernel apply_, stencil_;
 };

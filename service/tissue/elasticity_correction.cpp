@@ -14,21 +14,13 @@ namespace {
 template <class T, class W>
 class Correction : public ElasticityCorrection {
  public:
-  Correction(const Queue& queue, const TissueGrid& grid, const std::vector<std::uint8_t>& free,
-             std::size_t capacity, const PcgOptions& options)
+  Correction(const Queue& queue, const ScaledTissue& tissue, std::size_t capacity, const PcgOptions& options)
       : queue_(queue),
-        grid_(grid),
-        free_(free),
-        operator_(queue, grid, free),
-        multigrid_(queue, {grid.x_m, grid.y_m}),
-        pcg_(queue, grid.dofs(), capacity, options) {
-    for (Array<T>* a : {&r_, &load_, &x_}) *a = queue.array<T>(capacity * grid.dofs());
-  }
-
-  void set_material(const Material& material, double reference_pa) override {
-    reference_pa_ = reference_pa;
-    operator_.set_material(material, reference_pa);
-    material_ = material;
+        tissue_(tissue),
+        operator_(queue, tissue),
+        multigrid_(queue, {tissue.grid.x_m, tissue.grid.y_m}),
+        pcg_(queue, tissue.grid.dofs(), capacity, options) {
+    for (Array<T>* a : {&r_, &load_, &x_}) *a = queue.array<T>(capacity * tissue.grid.dofs());
     set_multigrid();
   }
 
@@ -39,19 +31,19 @@ class Correction : public ElasticityCorrection {
     write(problem.load, scale, load_);
     // With K = E_ref K' and r = scale r': x = scale / E_ref x', energies scale^2 / E_ref times those of x'.
     std::vector<double> energy = problem.initial_energy, error = problem.absolute_error;
-    for (std::size_t q = 0; q < energy.size(); ++q) energy[q] *= reference_pa_ / (scale[q] * scale[q]);
-    for (std::size_t q = 0; q < error.size(); ++q) error[q] *= std::sqrt(reference_pa_) / scale[q];
+    for (std::size_t q = 0; q < energy.size(); ++q) energy[q] *= tissue_.reference_pa / (scale[q] * scale[q]);
+    for (std::size_t q = 0; q < error.size(); ++q) error[q] *= std::sqrt(tissue_.reference_pa) / scale[q];
     pcg_.options().relative_error = problem.relative_error;
     std::vector<PcgResult> results =
         pcg_.solve(operator_, multigrid_, problem.count, r_, load_, x_, energy, error);
     for (std::size_t q = 0; q < problem.count; ++q) {
-      const double squared = scale[q] * scale[q] / reference_pa_;
+      const double squared = scale[q] * scale[q] / tissue_.reference_pa;
       results[q].recursive_residual *= scale[q];
       for (double* value :
            {&results[q].squared_error, &results[q].squared_energy, &results[q].squared_decrease})
         *value *= squared;
     }
-    read(x_, scale, 1 / reference_pa_, correction);
+    read(x_, scale, 1 / tissue_.reference_pa, correction);
     return results;
   }
 
@@ -62,7 +54,7 @@ class Correction : public ElasticityCorrection {
     write(residual, scale, load_);
     std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, load_);
     for (std::size_t q = 0; q < count; ++q)
-      norms[q] = norms[q] >= 0 ? std::sqrt(norms[q] / reference_pa_) * scale[q]
+      norms[q] = norms[q] >= 0 ? std::sqrt(norms[q] / tissue_.reference_pa) * scale[q]
                                : std::numeric_limits<double>::infinity();
     return norms;
   }
@@ -72,25 +64,21 @@ class Correction : public ElasticityCorrection {
     write(residual, scale, load_);
     multigrid_.apply(load_, x_, count);
     std::vector<double> z(residual.size());
-    read(x_, scale, 1 / reference_pa_, z);
+    read(x_, scale, 1 / tissue_.reference_pa, z);
     return z;
   }
 
  private:
   void set_multigrid() {
-    if constexpr (std::is_same_v<T, float>) {
-      if (queue_.supports(Precision::kDouble)) {
-        Elasticity<double> exact(queue_, grid_, free_);
-        exact.set_material(material_, reference_pa_);
-        return multigrid_.set_operator(exact.stencil(), free_);
-      }
-    }
-    multigrid_.set_operator(operator_.stencil(), free_);
+    if constexpr (std::is_same_v<T, float>)
+      if (queue_.supports(Precision::kDouble))
+        return multigrid_.set_operator(Elasticity<double>(queue_, tissue_).stencil(), tissue_.free);
+    multigrid_.set_operator(operator_.stencil(), tissue_.free);
   }
   // Largest entry of each vector; 1 for a zero vector.
   std::vector<double> scales(std::size_t count, std::span<const double> vectors) const {
     std::vector<double> scale(count, 0);
-    const std::size_t dofs = grid_.dofs();
+    const std::size_t dofs = tissue_.grid.dofs();
     for (std::size_t q = 0; q < count; ++q)
       for (const double value : vectors.subspan(q * dofs, dofs))
         scale[q] = std::max(scale[q], std::abs(value));
@@ -99,14 +87,14 @@ class Correction : public ElasticityCorrection {
     return scale;
   }
   void write(std::span<const double> from, const std::vector<double>& scale, Array<T>& to) {
-    const std::size_t dofs = grid_.dofs();
+    const std::size_t dofs = tissue_.grid.dofs();
     host_.resize(scale.size() * dofs);
     for (std::size_t q = 0; q < scale.size(); ++q)
       for (std::size_t n = q * dofs; n < (q + 1) * dofs; ++n) host_[n] = static_cast<T>(from[n] / scale[q]);
     queue_.send(to, host_.data(), host_.size());
   }
   void read(const Array<T>& from, const std::vector<double>& scale, double factor, std::span<double> to) {
-    const std::size_t dofs = grid_.dofs();
+    const std::size_t dofs = tissue_.grid.dofs();
     host_.resize(scale.size() * dofs);
     queue_.read(from, host_.data(), host_.size());
     for (std::size_t q = 0; q < scale.size(); ++q)
@@ -114,31 +102,27 @@ class Correction : public ElasticityCorrection {
   }
 
   Queue queue_;
-  TissueGrid grid_;
-  std::vector<std::uint8_t> free_;
+  const ScaledTissue& tissue_;
   Elasticity<T> operator_;
-  Material material_;
   Multigrid<T, W> multigrid_;
   Pcg<T> pcg_;
   Array<T> r_, load_, x_;  // r_ keeps what the last solve left
   std::vector<double> solved_scale_;
   std::vector<T> host_;
-  double reference_pa_ = 1;
 };
 
 }  // namespace
 
 std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision precision, const Queue& queue,
-                                                                 const TissueGrid& grid,
-                                                                 const std::vector<std::uint8_t>& free,
+                                                                 const ScaledTissue& tissue,
                                                                  std::size_t capacity,
                                                                  const PcgOptions& options) {
   if (precision == Precision::kFloat)
-    return std::make_unique<Correction<float, float>>(queue, grid, free, capacity, options);
+    return std::make_unique<Correction<float, float>>(queue, tissue, capacity, options);
   // Compliances in float take two to three times the iterations near nu = 1/2.
-  if (short_side({grid.x_m, grid.y_m}) == ShortSide::kNeither)
-    return std::make_unique<Correction<double, float>>(queue, grid, free, capacity, options);
-  return std::make_unique<Correction<double, double>>(queue, grid, free, capacity, options);
+  if (short_side({tissue.grid.x_m, tissue.grid.y_m}) == ShortSide::kNeither)
+    return std::make_unique<Correction<double, float>>(queue, tissue, capacity, options);
+  return std::make_unique<Correction<double, double>>(queue, tissue, capacity, options);
 }
 
 }  // namespace teletact::service

@@ -14,7 +14,6 @@ namespace teletact::service {
 class ElasticityCorrection {
  public:
   virtual ~ElasticityCorrection() = default;
-  virtual void set_material(const Material&, double reference_pa) = 0;
   // What a run needs of each right-hand side, [count][dof] or [count]; loads and residuals (N/m) vanish on
   // constrained unknowns.
   struct Problem {
@@ -34,9 +33,8 @@ class ElasticityCorrection {
   virtual std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) = 0;
 };
 
-// Capacity: the most right-hand sides of one run.
-std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision, const Queue&, const TissueGrid&,
-                                                                 const std::vector<std::uint8_t>& free,
+// Refers to the tissue. Capacity: the most right-hand sides of one run.
+std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision, const Queue&, const ScaledTissue&,
                                                                  std::size_t capacity, const PcgOptions&);
 
 }  // namespace teletact::service

@@ -10,16 +10,20 @@
 namespace teletact::service {
 namespace {
 
+[[noreturn]] void refuse(const std::string& why) {
+  throw std::invalid_argument(why);
+}
+
 void validate_coordinates(const std::vector<double>& coordinates, const char* field) {
-  const std::string name = std::string("grid.") + field;
-  require(coordinates.size() >= 2, name + ": needs at least 2 lines of nodes, has " +
-                                       std::to_string(coordinates.size()) + "; add lines");
+  if (coordinates.size() < 2)
+    refuse(fmt::format("grid.{}: needs at least 2 lines of nodes, has {}; add lines", field,
+                       coordinates.size()));
   for (std::size_t k = 0; k < coordinates.size(); ++k) {
-    require(std::isfinite(coordinates[k]),
-            name + "[" + std::to_string(k) + "] is not finite; give every coordinate in metres");
-    require(k == 0 || coordinates[k] > coordinates[k - 1],
-            name + "[" + std::to_string(k) + "] does not exceed the one before it; sort the lines and drop " +
-                "repeated ones");
+    if (!std::isfinite(coordinates[k]))
+      refuse(fmt::format("grid.{}[{}] is not finite; give every coordinate in metres", field, k));
+    if (k > 0 && !(coordinates[k] > coordinates[k - 1]))
+      refuse(fmt::format(
+          "grid.{}[{}] does not exceed the one before it; sort the lines and drop repeated ones", field, k));
   }
 }
 
@@ -39,40 +43,39 @@ std::vector<double> growing_steps(double length, double fine, double coarse, dou
 }  // namespace
 
 void require(bool condition, const std::string& message) {
-  if (!condition) throw std::invalid_argument(message);
+  if (!condition) refuse(message);
 }
 
 void validate(const TissueGrid& grid) {
   validate_coordinates(grid.x_m, "x_m");
   validate_coordinates(grid.y_m, "y_m");
-  if (grid.y_m.front() != 0)  // a message costs more than the test
-    throw std::invalid_argument(
-        fmt::format("grid.y_m[0] is {}; depth starts at 0, the natural surface", grid.y_m.front()));
+  if (grid.y_m.front() != 0)
+    refuse(fmt::format("grid.y_m[0] is {}; depth starts at 0, the natural surface", grid.y_m.front()));
 }
 
 void validate(const TissueGrid& grid, const Material& material) {
   validate(grid);
   if (!(material.poisson_ratio >= 0 && material.poisson_ratio < 0.5))
-    throw std::invalid_argument(fmt::format(
+    refuse(fmt::format(
         "material.poisson_ratio is {}; give 0 <= nu < 0.5, for nearly incompressible tissue for example "
         "0.49",
         material.poisson_ratio));
-  require(material.youngs_modulus_pa.size() == grid.elements(),
-          "material.youngs_modulus_pa has " + std::to_string(material.youngs_modulus_pa.size()) +
-              " values for " + std::to_string(grid.elements()) + " elements; give one per element");
+  if (material.youngs_modulus_pa.size() != grid.elements())
+    refuse(fmt::format("material.youngs_modulus_pa has {} values for {} elements; give one per element",
+                       material.youngs_modulus_pa.size(), grid.elements()));
   for (std::size_t e = 0; e < material.youngs_modulus_pa.size(); ++e) {
     const double modulus = material.youngs_modulus_pa[e];
-    if (std::isfinite(modulus) && modulus > 0) continue;
-    throw std::invalid_argument(fmt::format(
-        "material.youngs_modulus_pa[{}] is {}; every element needs a finite modulus above 0 Pa", e, modulus));
+    if (!(std::isfinite(modulus) && modulus > 0))
+      refuse(
+          fmt::format("material.youngs_modulus_pa[{}] is {}; every element needs a finite modulus above 0 Pa",
+                      e, modulus));
   }
 }
 
 std::size_t position_among(std::size_t column, ColumnRange range) {
   if (column < range.first || column > range.last) {
-    throw std::out_of_range("compliance: column " + std::to_string(column) +
-                            " is outside the touchable ones, " + std::to_string(range.first) + " to " +
-                            std::to_string(range.last));
+    throw std::out_of_range(fmt::format("compliance: column {} is outside the touchable ones, {} to {}",
+                                        column, range.first, range.last));
   }
   return column - range.first;
 }

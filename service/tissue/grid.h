@@ -25,6 +25,7 @@ struct TissueGrid {
 // Grid columns, both ends included.
 struct ColumnRange {
   std::size_t first = 0, last = 0;
+  std::size_t size() const { return last - first + 1; }
   bool operator==(const ColumnRange&) const = default;
 };
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <string>
 #include <utility>
 
 #include "service/tissue/condensation.h"
@@ -33,22 +32,19 @@ ColumnRange touchable_columns(const TissueGrid& grid, const FreeNodes& free, dou
 
 }  // namespace
 
-TissueProblem make_problem(TissueGrid grid, Material material, const Supports& supports, double thickness_m,
-                           double touch_begin_m, double touch_end_m) {
+TissueProblem make_problem(TissueGrid grid, Material material, const Supports& supports,
+                           const TissueModelOptions& o) {
   validate(grid, material);
   const FreeNodes free = free_nodes(grid, supports);
-  if (!(thickness_m > 0) || !std::isfinite(thickness_m)) {
+  if (!(o.thickness_m > 0) || !std::isfinite(o.thickness_m)) {
     throw std::invalid_argument(fmt::format(
-        "options.thickness_m is {}; give the out-of-plane contact width in metres, above 0", thickness_m));
+        "options.thickness_m is {}; give the out-of-plane contact width in metres, above 0", o.thickness_m));
   }
-  TissueProblem problem{std::move(grid), std::move(material), supports, thickness_m,
-                        touch_begin_m,   touch_end_m,         {}};
-  problem.touchable = touchable_columns(problem.grid, free, touch_begin_m, touch_end_m);
-  if (touch_begin_m == 0 && touch_end_m == 0) {
-    problem.touch_begin_m = problem.grid.x_m.front();
-    problem.touch_end_m = problem.grid.x_m.back();
-  }
-  return problem;
+  const ColumnRange touchable = touchable_columns(grid, free, o.touch_begin_m, o.touch_end_m);
+  const bool everywhere = o.touch_begin_m == 0 && o.touch_end_m == 0;
+  const double begin_m = everywhere ? grid.x_m.front() : o.touch_begin_m,
+               end_m = everywhere ? grid.x_m.back() : o.touch_end_m;
+  return {std::move(grid), std::move(material), supports, o.thickness_m, begin_m, end_m, touchable};
 }
 
 double modulus_near_pa(const TissueProblem& problem, std::size_t column, std::size_t row) {

@@ -22,7 +22,7 @@ using service::TissueGrid;
 using service::TissueModel;
 
 ContactAnswer press(const TissueModel& model, const Fingertip& tip, double x_m, double indentation_m) {
-  return service::solve_contact(model.problem(), 0, *model.condensed(0), tip, {x_m, indentation_m});
+  return service::solve_contact(model.problem(), 0, *model.compliance(0), tip, {x_m, indentation_m});
 }
 
 // A line load on a half plane spreads like Hertz says: contact half width a with p_max = E* a / 2R. A layer

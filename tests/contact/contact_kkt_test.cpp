@@ -51,7 +51,7 @@ double force_error(const reference::TouchedTissue& tissue, TissueModel& model, c
                    const PlanePose& pose, reference::KktMethod method) {
   const auto expected = reference::touch(tissue, kind.tip, pose, method);
   const auto answer =
-      service::solve_contact(model.problem(), tissue.line, *model.condensed(tissue.line), kind.tip, pose);
+      service::solve_contact(model.problem(), tissue.line, *model.compliance(tissue.line), kind.tip, pose);
   const double scale = std::hypot(expected.force_n[0], expected.force_n[1]);
   EXPECT_GE(scale, 1e-3);  // something is touched
   EXPECT_LE(std::abs(answer.energy_j - expected.energy_j), 1e-7 * expected.energy_j);
@@ -124,7 +124,8 @@ TEST(PaperFig16, TouchingUnderTheSurfaceTable) {
     for (std::size_t line = 0; line < 9; ++line) {
       const auto stiffness = [&](std::size_t column) {
         const PlanePose pose{grid.x_m[column], 0.002};
-        const auto answer = service::solve_contact(model.problem(), line, *model.condensed(line), node, pose);
+        const auto answer =
+            service::solve_contact(model.problem(), line, *model.compliance(line), node, pose);
         EXPECT_NEAR(answer.tangent_n_m[4], answer.force_n[1] / pose.indentation_m,
                     1e-9 * std::abs(answer.tangent_n_m[4]));
         return -answer.force_n[1] / pose.indentation_m;

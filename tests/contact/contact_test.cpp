@@ -65,7 +65,7 @@ std::vector<Kind> smooth_kinds() {
 
 ContactAnswer press(const TissueModel& model, const Fingertip& tip, double x_m, double indentation_m,
                     std::size_t line = 0, const ContactOptions& options = {}) {
-  return service::solve_contact(model.problem(), line, *model.condensed(line), tip, {x_m, indentation_m},
+  return service::solve_contact(model.problem(), line, *model.compliance(line), tip, {x_m, indentation_m},
                                 options);
 }
 
@@ -251,7 +251,7 @@ TEST(Contact, PressureIsNeverTensileAndAddsUpToTheForce) {
     EXPECT_EQ(pressure.traction_pa, service::Vector3{});
     const double p = pressure.pressure_pa * width;
     const auto column = static_cast<std::size_t>(std::lround((pressure.position_m[0] - grid.x_m[0]) / width));
-    const double own = model.condensed(0)->axial_among(std::vector{column}, nullptr)(0, 0);
+    const double own = model.compliance(0)->axial_among(std::vector{column}, nullptr)(0, 0);
     const service::SkinThickness t = service::skin_thickness({}, indentation, width);
     const double stiffness = service::kSkinStiffness / own;
     const service::SkinState state = service::skin_state(p, stiffness, t.t_m);
@@ -278,7 +278,7 @@ TEST(Contact, TractionsAndPressuresOfAStuckFootprintHoldIt) {
     columns.push_back(static_cast<std::size_t>(std::lround((p.position_m[0] - grid.x_m[0]) / width)));
     push += p.pressure_pa * width;
   }
-  const Eigen::VectorXd u = model.condensed(0)->among(columns, nullptr) * forces;
+  const Eigen::VectorXd u = model.compliance(0)->among(columns, nullptr) * forces;
   for (Eigen::Index k = 0; k < u.size(); ++k) moved[k % 2] += u[k] * forces[k - k % 2 + 1] / push;
   EXPECT_NEAR(moved[0], 0, 1e-9 * indentation);
   EXPECT_NEAR(moved[1], indentation, 1e-9 * indentation);
@@ -343,7 +343,7 @@ TEST(Contact, AboveTheSurfaceThereIsNoForce) {
 template <class Exception>
 std::string refusal(const Fingertip& tip, double x_m, double indentation_m, std::size_t row = 0) {
   try {
-    service::solve_contact(inclusion_model().problem(), row, *inclusion_model().condensed(0), tip,
+    service::solve_contact(inclusion_model().problem(), row, *inclusion_model().compliance(0), tip,
                            {x_m, indentation_m});
   } catch (const Exception& e) {
     return e.what();

@@ -108,8 +108,8 @@ TEST(DeformedLayer, OfASolidIsTheBlocks) {
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     const std::size_t unknown = nodes[n] + grid.columns();
     double wider_m = 0;
-    const Eigen::MatrixXd more = wide.between({unknown}, unknowns, grid.nx, grid.nz) -
-                                 periodic.between({unknown}, unknowns, grid.nx, grid.nz);
+    const Eigen::MatrixXd more = wide.between({unknown}, unknowns) -
+                                 periodic.between({unknown}, unknowns);
     for (std::size_t f = 0; f < force.size(); ++f) wider_m += more(0, Eigen::Index(f)) * force[f];
     const double want_m = u[grid.columns() + nodes[n]] + wider_m;
     largest_m = std::max(largest_m, want_m);

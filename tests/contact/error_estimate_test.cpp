@@ -95,11 +95,11 @@ TEST(ErrorEstimate, OfTheCondensedModelBoundsAndIsSmall) {
   double max_stated = 0;
   for (const Tissue& t : tissues()) {
     const TissueModel model(t.grid, t.material, {}, {});
-    add_touches(model, *t.exact, *model.condensed(0), ratios);
+    add_touches(model, *t.exact, *model.compliance(0), ratios);
     if (t.contrast > 10 || t.material.poisson_ratio > 0.49) continue;
     const double middle_m = 0.5 * (t.grid.x_m.front() + t.grid.x_m.back());
     const auto answer =
-        service::solve_contact(model.problem(), 0, *model.condensed(0), {}, {middle_m, 0.001});
+        service::solve_contact(model.problem(), 0, *model.compliance(0), {}, {middle_m, 0.001});
     max_stated = std::max(max_stated, answer.solve.relative_error);
   }
   judge("condensed", ratios);
@@ -122,7 +122,7 @@ TEST_P(PcgErrorEstimate, BoundsAndIsClose) {
     if (t.contrast != 10 && t.contrast != 1e3) continue;
     const TissueModel model(t.grid, t.material, {}, {});
     const auto columns =
-        GetParam() ? service::iterative_with(options, model, 0, device) : model.iterative(0, device);
+        GetParam() ? service::iterative_with(options, model, 0, device) : model.compliance(0, device);
     largest = std::max(largest, add_touches(model, *t.exact, *columns, ratios));
   }
   std::printf("largest error of a force: %.1e\n", largest);
@@ -140,7 +140,7 @@ TEST(ErrorEstimate, OfConjugateGradientsBoundsOnStretchedElements) {
   std::vector<double> ratios;
   for (const Tissue& t : make_tissues({flat, tall}, {10, 1e3})) {
     const TissueModel model(t.grid, t.material, {}, {});
-    add_touches(model, *t.exact, *model.iterative(0, device), ratios);
+    add_touches(model, *t.exact, *model.compliance(0, device), ratios);
   }
   EXPECT_LE(judge("conjugate gradients, stretched", ratios), 5);
 }

@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "service/tissue/iterative_compliance.h"
+#include "service/tissue/iterative_compliances.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::service {
@@ -12,11 +12,9 @@ namespace teletact::service {
 inline std::shared_ptr<Compliance> iterative_with(const ElasticitySolverOptions& options,
                                                   const TissueModel& model, std::size_t row,
                                                   const std::shared_ptr<Device>& device) {
-  const TissueProblem& p = model.problem();
-  auto solver =
-      std::make_shared<SharedSolver>(device, p.grid, p.supports, p.material, options, MemoryAccount());
-  return std::make_shared<IterativeCompliance>(std::move(solver), p.grid, p.material.poisson_ratio, row,
-                                               p.touchable);
+  auto problem = std::make_shared<const TissueProblem>(model.problem());
+  return std::make_shared<IterativeCompliance>(std::make_shared<SharedSolver>(device, problem, options),
+                                               *problem, row);
 }
 
 }  // namespace teletact::service

@@ -25,7 +25,7 @@ using service::TissueGrid;
 using service::TissueModel;
 
 ContactAnswer press(const TissueModel& model, const Fingertip& tip, const PlanePose& pose) {
-  return service::solve_contact(model.problem(), 0, *model.condensed(0), tip, pose);
+  return service::solve_contact(model.problem(), 0, *model.compliance(0), tip, pose);
 }
 
 double force_error(const TissueModel& model, const Fingertip& tip, const PlanePose& pose) {
@@ -139,7 +139,7 @@ TEST(ContactLimits, WhatDidNotConvergeStatesNoLessThanItsOwnBound) {
   const TissueGrid grid = tests::uniform_grid(21, 11);
   const TissueModel model(grid, tests::inclusion(grid, 5, 0.49), {}, {});
   const auto stated = [&](bool converged) {
-    SampledCompliance compliance(model.condensed(0), converged);
+    SampledCompliance compliance(model.compliance(0), converged);
     return service::solve_contact(model.problem(), 0, compliance, {}, {0.0103, 0.002}).solve.relative_error;
   };
   EXPECT_LE(stated(true), 1e-12);

@@ -116,13 +116,13 @@ TEST(IterativeCompliance, IsKeptByTheModelAndGrowsByColumns) {
   const auto grid = tests::uneven_grid(31, 12);
   const TissueModel model(grid, tests::scattered(grid, 10, 0.49), {}, {});
   for (std::size_t line : {0u, 5u}) {
-    const auto compliance = model.iterative(line, device());
-    EXPECT_EQ(compliance.get(), model.iterative(line, device()).get());
+    const auto compliance = model.compliance(line, device());
+    EXPECT_EQ(compliance.get(), model.compliance(line, device()).get());
     const std::vector<std::size_t> few{9, 10}, more{3, 9, 10, 11, 30};
     service::SolveReport report;
     const Eigen::MatrixXd axial = compliance->axial_among(few, &report);
     const Eigen::MatrixXd first = compliance->among(few, &report), s = compliance->among(more, &report);
-    const Eigen::MatrixXd expected = model.condensed(line)->among(more, nullptr);
+    const Eigen::MatrixXd expected = model.compliance(line)->among(more, nullptr);
     for (Eigen::Index a = 0; a < s.rows(); ++a) {
       for (Eigen::Index b = 0; b < s.cols(); ++b) {
         const double scale = std::sqrt(expected(a, a) * expected(b, b));
@@ -133,8 +133,9 @@ TEST(IterativeCompliance, IsKeptByTheModelAndGrowsByColumns) {
     EXPECT_EQ(axial(0, 1), first(1, 3));
     EXPECT_EQ(first(0, 3), s(2, 5));
   }
-  EXPECT_THROW(model.iterative(11, device()), std::out_of_range);
-  EXPECT_THROW(model.iterative(0, device())->among(std::vector<std::size_t>{31}, nullptr), std::out_of_range);
+  EXPECT_THROW(model.compliance(11, device()), std::out_of_range);
+  EXPECT_THROW(model.compliance(0, device())->among(std::vector<std::size_t>{31}, nullptr),
+               std::out_of_range);
 }
 
 // Of a touch beside the middle, against `truth`, whose own error may add to it.
@@ -170,7 +171,7 @@ TEST(IterativeCompliance, BreakdownStatesNoSmallError) {
       options.precision = precision;
       try {
         const Judged j =
-            touch_by(model, *service::iterative_with(options, model, 0, device()), *model.condensed(0));
+            touch_by(model, *service::iterative_with(options, model, 0, device()), *model.compliance(0));
         EXPECT_LE(j.error, j.report.relative_error + j.of_truth) << c.nu << " " << c.contrast;
       } catch (const std::runtime_error& error) {
         ++broken;
@@ -178,7 +179,7 @@ TEST(IterativeCompliance, BreakdownStatesNoSmallError) {
       }
     }
     if (!device()->info().has_double) continue;
-    const Judged own = touch_by(model, *model.iterative(0, device()), *model.condensed(0));
+    const Judged own = touch_by(model, *model.compliance(0, device()), *model.compliance(0));
     EXPECT_TRUE(own.report.converged) << c.nu << " " << c.contrast << ": " << own.report.reason;
     EXPECT_LE(own.error, own.report.relative_error + own.of_truth) << c.nu << " " << c.contrast;
   }
@@ -204,7 +205,7 @@ TEST(IterativeCompliance, ProductConvergesInFewIterationsAllOverItsRange) {
         const TissueModel model(grid, material, {}, {});
         ElasticitySolverOptions tight;
         tight.precision = SolvePrecision::kDouble;
-        const auto columns_of = model.iterative(0, device());
+        const auto columns_of = model.compliance(0, device());
         const Judged j = touch_by(model, *columns_of, *service::iterative_with(tight, model, 0, device()));
         const std::string where = "nu " + std::to_string(c.nu) + " stretch " + std::to_string(stretch) +
                                   " squares of " + std::to_string(columns);
@@ -214,7 +215,7 @@ TEST(IterativeCompliance, ProductConvergesInFewIterationsAllOverItsRange) {
         EXPECT_LE(j.report.relative_error, 1e-6) << where;
         EXPECT_LE(j.error, j.report.relative_error + j.of_truth) << where;
         // By elimination, which here may be off by more than conjugate gradients: 3e-6.
-        const Judged other = touch_by(model, *columns_of, *model.condensed(0));
+        const Judged other = touch_by(model, *columns_of, *model.compliance(0));
         EXPECT_LE(other.error, other.report.relative_error + other.of_truth) << where;
       }
 }

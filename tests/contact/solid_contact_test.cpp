@@ -146,8 +146,8 @@ TEST(SolidContact, TheTissueIsWhereTheSparseFactorPutsIt) {
       p[Eigen::Index(nodes.size())] = node.pressure_pa * area;
       nodes.push_back(reference::unknown(grid, i, 0, k, 1));
     }
-    const Eigen::VectorXd moved = (truth.compliance(nodes) + wide.among(nodes, grid.nx, grid.nz) -
-                                   periodic.among(nodes, grid.nx, grid.nz)) *
+    const Eigen::VectorXd moved = (truth.compliance(nodes) + wide.among(nodes) -
+                                   periodic.among(nodes)) *
                                   p;
     const SkinThickness skin = skin_thickness(tip, pose[1], std::sqrt(area));
     const bool pad = tip.shape == FingertipShape::kPad;

@@ -83,8 +83,8 @@ double true_error(const SolidTissue& tissue, const ContactAnswer& answer) {
   const LayeredTissue layers = layered(tissue);
   const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kMinPeriod * grid.y_m.back());
   Eigen::MatrixXd s = reference::SolidReference(tissue).compliance(nodes) +
-                      wide.among(nodes, grid.nx, grid.nz) -
-                      wide_surface(grid, layers, 0.49, 0).among(nodes, grid.nx, grid.nz);
+                      wide.among(nodes) -
+                      wide_surface(grid, layers, 0.49, 0).among(nodes);
   off = -(s * p);
   const SkinThickness skin = skin_thickness({}, kPose[1], std::sqrt(area));
   for (Eigen::Index n = 0; n < p.size(); ++n) {

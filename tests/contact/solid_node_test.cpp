@@ -115,7 +115,7 @@ TEST(SolidNode, IsTheSparseFactors) {
       load.segment(Eigen::Index(q) * columns, columns) = w;
       for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = q * nodes.size() + n;
       const auto moves = [&](const SurfaceCompliance& s) {
-        return s.times(nodes, w, grid.nx, grid.nz, 0, 3);
+        return s.times(nodes, w, 0, 3);
       };
       const Eigen::VectorXd moved = truth.solve(load).head(3 * columns) + moves(wide) - moves(periodic);
       for (Eigen::Index p = 0; p < 3; ++p) a(p, Eigen::Index(q)) = w.dot(moved.segment(p * columns, columns));

@@ -60,7 +60,7 @@ TEST(SolidRow, OneElementAlongZIsThePlaneModels) {
   for (const std::size_t row : {0U, 3U, 7U}) {
     solver.at(std::make_shared<const SolidRow>(
         SolidRow{row, wide_surface(grid, solver.layers(), 0.49, 0, 0, row)}));
-    const Eigen::MatrixXd c = plane.condensed(row)->among(nodes, nullptr) / grid.spacing_z_m;
+    const Eigen::MatrixXd c = plane.compliance(row)->among(nodes, nullptr) / grid.spacing_z_m;
     for (Eigen::Index q = 0; q < c.cols(); ++q) {
       const SolidSolution s = solver.load(unknowns, Eigen::VectorXd::Unit(c.cols(), q),
                                           {.relative_error = 1e-10, .max_iterations = 1000});
@@ -103,8 +103,8 @@ TEST(SolidRow, TheTissueIsWhereTheSparseFactorPutsIt) {
       nodes.push_back(reference::unknown(grid, i, 0, k, 1));
       in_field.push_back(reference::unknown(grid, i, row, k, 1));
     }
-    const Eigen::VectorXd moved = (truth.compliance(in_field) + wide.among(nodes, grid.nx, grid.nz) -
-                                   periodic.among(nodes, grid.nx, grid.nz)) *
+    const Eigen::VectorXd moved = (truth.compliance(in_field) + wide.among(nodes) -
+                                   periodic.among(nodes)) *
                                   p;
     const SkinThickness skin = skin_thickness(kRound, pose[1], std::sqrt(area));
     for (std::size_t n = 0; n < nodes.size(); ++n) {

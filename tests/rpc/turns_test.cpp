@@ -22,7 +22,7 @@ TEST_F(Turns, OneWhoWaitsForManyLayersKeepsNobodyWaiting) {
   const auto is_made = [&](double y_m) {
     constexpr double kRowM = 0.002;  // apart
     const auto row = static_cast<std::size_t>(std::lround(y_m / kRowM));
-    return tissue_of(*scene->snapshot()->windows[0]).made(row) != nullptr;
+    return tissue_of(*scene->snapshot()->windows[0]).ready(row) != nullptr;
   };
   const auto wait_until = [](const auto& condition) {
     for (int k = 0; k < 4000 && !condition(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(5));

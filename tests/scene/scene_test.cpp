@@ -120,8 +120,8 @@ TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
       for (std::size_t i = anew->problem().touchable.first; i <= anew->problem().touchable.last; ++i)
         nodes.push_back(i);
       for (const std::size_t row : {std::size_t{0}, kRow})
-        EXPECT_EQ(tissue_of(*window).condensed(row)->among(nodes, nullptr),
-                  anew->condensed(row)->among(nodes, nullptr))
+        EXPECT_EQ(tissue_of(*window).compliance(row)->among(nodes, nullptr),
+                  anew->compliance(row)->among(nodes, nullptr))
             << "window at " << window->region.begin_x_m << " m, row " << row;
     }
   }

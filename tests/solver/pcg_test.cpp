@@ -9,7 +9,6 @@
 #include <limits>
 
 #include "service/solver/multigrid.h"
-#include "service/solver/ritz.h"
 #include "service/solver/stencil.h"
 #include "tests/solver/block_stencil.h"
 

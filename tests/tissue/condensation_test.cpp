@@ -95,7 +95,7 @@ TEST(Condensation, EveryRowEqualsSparseFactor) {
         for (std::size_t row = 0; row + 1 < grid.ny(); ++row) {
           const MatrixXd expected = reference_compliance(grid, material, Supports{}, row, columns);
           service::SolveReport report;
-          const MatrixXd s = model.condensed(row)->among(columns, &report);
+          const MatrixXd s = model.compliance(row)->among(columns, &report);
           EXPECT_LE(relative_difference(s, expected), report.relative_error)
               << nx << "x" << ny << " row " << row << " nu " << nu << " contrast " << contrast;
           EXPECT_LE(report.relative_error, contrast <= 100 && nu < 0.499 ? 1e-6 : 1e-3);
@@ -121,11 +121,11 @@ TEST(Condensation, AnyEdgeMayBeFixed) {
     for (std::size_t row : {0u, 3u, 7u}) {
       const bool fixed = (row == 0 && (mask & 1)) || (row == 7 && (mask & 2));
       if (fixed) {
-        EXPECT_THROW(model.condensed(row), std::out_of_range);
+        EXPECT_THROW(model.compliance(row), std::out_of_range);
         continue;
       }
       const MatrixXd expected = reference_compliance(grid, material, supports, row, columns);
-      EXPECT_LE(relative_difference(model.condensed(row)->among(columns, nullptr), expected), 1e-10)
+      EXPECT_LE(relative_difference(model.compliance(row)->among(columns, nullptr), expected), 1e-10)
           << "mask " << mask << " row " << row;
     }
   }
@@ -139,14 +139,14 @@ TEST(TissueModel, ComplianceIsKeptAmongTouchableColumnsAlone) {
   EXPECT_EQ(model.problem().touchable.last, 12u);
   const std::vector<std::size_t> nodes{5, 8, 12};
   for (std::size_t row : {0u, 2u}) {
-    EXPECT_LE(relative_difference(model.condensed(row)->among(nodes, nullptr),
+    EXPECT_LE(relative_difference(model.compliance(row)->among(nodes, nullptr),
                                   reference_compliance(grid, material, Supports{}, row, nodes)),
               1e-11);
-    EXPECT_THROW(model.condensed(row)->among(std::vector<std::size_t>{4, 5}, nullptr), std::out_of_range);
-    EXPECT_THROW(model.condensed(row)->among(std::vector<std::size_t>{13}, nullptr), std::out_of_range);
+    EXPECT_THROW(model.compliance(row)->among(std::vector<std::size_t>{4, 5}, nullptr), std::out_of_range);
+    EXPECT_THROW(model.compliance(row)->among(std::vector<std::size_t>{13}, nullptr), std::out_of_range);
   }
-  EXPECT_THROW(model.condensed(5), std::out_of_range);  // the fixed bottom
-  EXPECT_THROW(model.condensed(60), std::out_of_range);
+  EXPECT_THROW(model.compliance(5), std::out_of_range);  // the fixed bottom
+  EXPECT_THROW(model.compliance(60), std::out_of_range);
 }
 
 TEST(TissueModel, ModulusNearAColumnIsTheMeanOfBothSides) {
@@ -165,19 +165,19 @@ TEST(TissueModel, InteriorLayersUsedLastAreKept) {
   const Material material = tests::inclusion(grid, 10, 0.49);
   const auto columns = range(0, 20);
   const TissueModel model(grid, material, Supports{}, {.max_compliance_bytes = 2 * 8 * 42 * 42});
-  const std::weak_ptr<service::Compliance> one = model.condensed(1), two = model.condensed(2);
-  const MatrixXd of_two = model.condensed(2)->among(columns, nullptr);
-  model.condensed(1);
-  const auto three = model.condensed(3);
+  const std::weak_ptr<service::Compliance> one = model.compliance(1), two = model.compliance(2);
+  const MatrixXd of_two = model.compliance(2)->among(columns, nullptr);
+  model.compliance(1);
+  const auto three = model.compliance(3);
   EXPECT_FALSE(one.expired());
   EXPECT_TRUE(two.expired());
-  EXPECT_EQ(model.condensed(2)->among(columns, nullptr), of_two);
+  EXPECT_EQ(model.compliance(2)->among(columns, nullptr), of_two);
   EXPECT_TRUE(one.expired());
   for (std::size_t row = 4; row < 8; ++row)
-    EXPECT_LE(relative_difference(model.condensed(row)->among(columns, nullptr),
+    EXPECT_LE(relative_difference(model.compliance(row)->among(columns, nullptr),
                                   reference_compliance(grid, material, Supports{}, row, columns)),
               1e-11);
-  EXPECT_EQ(model.condensed(3), three);  // somebody holds it
+  EXPECT_EQ(model.compliance(3), three);  // somebody holds it
 }
 
 // Rows that were made row by row and dropped are made again too.
@@ -188,7 +188,7 @@ TEST(TissueModel, InteriorLayersAreMadeAgainWhicheverWay) {
   const TissueModel model(grid, material, Supports{}, {.max_compliance_bytes = 29 * 22 * 22 * 8});
   for (int pass = 0; pass < 2; ++pass)
     for (std::size_t row = 1; row < 29; ++row)
-      EXPECT_LE(relative_difference(model.condensed(row)->among(columns, nullptr),
+      EXPECT_LE(relative_difference(model.compliance(row)->among(columns, nullptr),
                                     reference_compliance(grid, material, Supports{}, row, columns)),
                 1e-10)
           << "pass " << pass << " row " << row;
@@ -202,7 +202,7 @@ TEST(TissueModel, RowsAreCondensedOnceAmongManyThreads) {
   std::vector<std::thread> threads;
   for (std::size_t t = 0; t < 4; ++t) {
     threads.emplace_back([&, t] {
-      for (std::size_t row = 0; row < 10; ++row) seen[10 * t + row] = model.condensed(row).get();
+      for (std::size_t row = 0; row < 10; ++row) seen[10 * t + row] = model.compliance(row).get();
     });
   }
   for (std::thread& thread : threads) thread.join();

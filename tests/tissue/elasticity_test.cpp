@@ -85,8 +85,7 @@ TYPED_TEST(Elasticity_, ProductMatchesTheAssembledMatrix) {
       const TissueGrid grid = uneven_grid(nx, ny);
       const Material material = random_material(grid, nu);
       const std::vector<std::uint8_t> free = free_unknowns(grid, {}), all(grid.dofs(), 1);
-      Elasticity<TypeParam> k(this->queue_, grid, free);
-      k.set_material(material, kReferencePa);
+      Elasticity<TypeParam> k(this->queue_, {grid, material, kReferencePa, free});
       const VectorXd u = random_displacement(grid, all, 3), held = random_displacement(grid, free, 3);
       const Eigen::SparseMatrix<double> matrix = reference::assemble(grid, material) / kReferencePa;
       const VectorXd full = matrix * u;
@@ -104,8 +103,7 @@ TYPED_TEST(Elasticity_, StencilIsTheSameOperator) {
   const std::vector<std::uint8_t> free =
       free_unknowns(grid, {EdgeSupport::kFree, EdgeSupport::kFixed, EdgeSupport::kFixed, EdgeSupport::kFree});
   for (const double nu : {0.3, 0.495}) {
-    Elasticity<T> k(this->queue_, grid, free);
-    k.set_material(random_material(grid, nu), kReferencePa);
+    Elasticity<T> k(this->queue_, {grid, random_material(grid, nu), kReferencePa, free});
     StencilOperator<T> stencil(this->queue_, std::make_shared<Array<T>>(k.stencil()), grid.nx(), grid.ny());
     const VectorXd u = random_displacement(grid, free, 4), expected = this->product(k, u, true);
     const auto x = this->queue_.array(std::vector<T>(u.begin(), u.end()));
@@ -120,8 +118,8 @@ TYPED_TEST(Elasticity_, StencilIsTheSameOperator) {
 
 TYPED_TEST(Elasticity_, RigidMotionMakesNoForce) {
   const TissueGrid grid = uneven_grid(19, 12);
-  Elasticity<TypeParam> k(this->queue_, grid, std::vector<std::uint8_t>(grid.dofs(), 1));
-  k.set_material(random_material(grid, 0.495), kReferencePa);
+  Elasticity<TypeParam> k(this->queue_, {grid, random_material(grid, 0.495), kReferencePa,
+                                         std::vector<std::uint8_t>(grid.dofs(), 1)});
   VectorXd shift(static_cast<Eigen::Index>(grid.dofs())), turn = shift;
   for (std::size_t j = 0; j < grid.ny(); ++j)
     for (std::size_t i = 0; i < grid.nx(); ++i) {
@@ -137,8 +135,9 @@ TYPED_TEST(Elasticity_, RigidMotionMakesNoForce) {
 TYPED_TEST(Elasticity_, PatchOfConstantStrainLeavesInnerNodesInBalance) {
   const TissueGrid grid = uneven_grid(15, 18);
   for (const double nu : {0.0, 0.3, 0.495}) {
-    Elasticity<TypeParam> k(this->queue_, grid, std::vector<std::uint8_t>(grid.dofs(), 1));
-    k.set_material({std::vector<double>(grid.elements(), kReferencePa), nu}, kReferencePa);
+    const Material material{std::vector<double>(grid.elements(), kReferencePa), nu};
+    Elasticity<TypeParam> k(this->queue_,
+                            {grid, material, kReferencePa, std::vector<std::uint8_t>(grid.dofs(), 1)});
     VectorXd u(static_cast<Eigen::Index>(grid.dofs()));
     for (std::size_t j = 0; j < grid.ny(); ++j)
       for (std::size_t i = 0; i < grid.nx(); ++i)
@@ -157,8 +156,7 @@ TYPED_TEST(Elasticity_, PatchOfConstantStrainLeavesInnerNodesInBalance) {
 TYPED_TEST(Elasticity_, OperatorIsSymmetric) {
   const TissueGrid grid = uneven_grid(33, 20);
   const std::vector<std::uint8_t> free = free_unknowns(grid, {});
-  Elasticity<TypeParam> k(this->queue_, grid, free);
-  k.set_material(random_material(grid, 0.49), kReferencePa);
+  Elasticity<TypeParam> k(this->queue_, {grid, random_material(grid, 0.49), kReferencePa, free});
   const VectorXd u = random_displacement(grid, free, 5), v = random_displacement(grid, free, 6);
   const VectorXd ku = this->product(k, u, true), kv = this->product(k, v, true);
   EXPECT_NEAR(v.dot(ku), u.dot(kv), 20 * this->eps() * u.norm() * kv.norm());
@@ -198,12 +196,10 @@ std::size_t iterations(const TissueGrid& grid, double nu) {
       if (std::hypot(grid.x_m[i] - grid.x_m.back() / 2, grid.y_m[j] - grid.y_m.back() / 2) <
           grid.y_m.back() / 4)
         material.youngs_modulus_pa[grid.element(i, j)] = 1e5;
-  Elasticity<float> k(queue, grid, free);
-  k.set_material(material, 1e4);
+  Elasticity<float> k(queue, {grid, material, 1e4, free});
   Multigrid<float> m(queue, {grid.x_m, grid.y_m});
   if (queue.supports(Precision::kDouble)) {
-    Elasticity<double> exact(queue, grid, free);
-    exact.set_material(material, 1e4);
+    Elasticity<double> exact(queue, {grid, material, 1e4, free});
     m.set_operator(exact.stencil(), free);
   } else {
     m.set_operator(k.stencil(), free);

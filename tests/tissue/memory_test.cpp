@@ -66,13 +66,13 @@ TEST(ModelMemory, ColumnsByPcgStayWithinTheBudgetAndTheirNumbersAreRight) {
   const Budget unbounded(std::uint64_t{1} << 40, std::uint64_t{1} << 40);
   const TissueModel free_model(wide_grid(), with_inclusion(), {}, unbounded.options());
   std::vector<std::shared_ptr<Compliance>> free_compliances;
-  for (const std::size_t row : {0, 5, 12}) free_compliances.push_back(free_model.iterative(row, device()));
+  for (const std::size_t row : {0, 5, 12}) free_compliances.push_back(free_model.compliance(row, device()));
   const std::uint64_t fixed = unbounded.held();  // model, matrices of three rows, solver
   const Budget budget(fixed + columns_bytes, std::uint64_t{1} << 40);
   const TissueModel model(wide_grid(), with_inclusion(), {}, budget.options());
   std::size_t k = 0;
   for (const std::size_t row : {0, 5, 12}) {
-    const auto touched = model.iterative(row, device());
+    const auto touched = model.compliance(row, device());
     for (const std::size_t at : {10, 30, 50, 70, 85, 10}) {
       const auto nodes = around(at);
       SolveReport report, free_report;
@@ -92,11 +92,11 @@ TEST(ModelMemory, ColumnsByPcgStayWithinTheBudgetAndTheirNumbersAreRight) {
 TEST(ModelMemory, WhatOneAnswerNeedsAtOnceIsHeldTogetherOrRefused) {
   const Budget budget(std::uint64_t{1} << 40, std::uint64_t{1} << 40);
   const TissueModel first(wide_grid(), with_inclusion(), {}, budget.options());
-  const auto row = first.iterative(0, device());
+  const auto row = first.compliance(0, device());
   const std::uint64_t fixed = budget.held(), column = 12 * wide_grid().dofs();
   const Budget tight(fixed + 20 * column + 3 * kSolvingBytes, std::uint64_t{1} << 40);
   const TissueModel model(wide_grid(), with_inclusion(), {}, tight.options());
-  const auto touched = model.iterative(0, device());
+  const auto touched = model.compliance(0, device());
   std::vector<std::size_t> many;
   for (std::size_t i = 20; i < 60; ++i) many.push_back(i);
   EXPECT_THROW(touched->axial_among(many, nullptr), MemoryRefused);
@@ -110,7 +110,7 @@ TEST(ModelMemory, ASolverThatNobodyUsesGivesTheDeviceBack) {
   std::uint64_t most = 0;
   {
     const TissueModel model(wide_grid(), with_inclusion(), {}, unbounded.options());
-    model.iterative(0, device())->among(around(50), nullptr);
+    model.compliance(0, device())->among(around(50), nullptr);
     most = unbounded.held(Place::kDevice);
     EXPECT_GT(most, 0U);
   }
@@ -119,7 +119,7 @@ TEST(ModelMemory, ASolverThatNobodyUsesGivesTheDeviceBack) {
   const Budget budget(std::uint64_t{1} << 40, most + most / 2);
   const TissueModel a(wide_grid(), with_inclusion(), {}, budget.options()),
       b(wide_grid(), with_inclusion(), {}, budget.options());
-  const auto of_a = a.iterative(0, device()), of_b = b.iterative(0, device());
+  const auto of_a = a.compliance(0, device()), of_b = b.compliance(0, device());
   const Eigen::MatrixXd before = of_a->among(around(50), nullptr);
   for (const std::size_t at : {20, 30, 40}) {  // in turns: each takes the other's place
     EXPECT_NO_THROW(of_b->among(around(at), nullptr));
@@ -129,7 +129,7 @@ TEST(ModelMemory, ASolverThatNobodyUsesGivesTheDeviceBack) {
   EXPECT_EQ(of_a->among(around(50), nullptr), before);
   const Budget none(std::uint64_t{1} << 40, 1000);
   const TissueModel c(wide_grid(), with_inclusion(), {}, none.options());
-  EXPECT_THROW(c.iterative(0, device()), MemoryRefused);
+  EXPECT_THROW(c.compliance(0, device()), MemoryRefused);
   EXPECT_EQ(none.held(Place::kDevice), 0U);
 }
 
@@ -139,7 +139,7 @@ TEST(ModelMemory, InteriorLayersAreGivenBackAndModelsAreRefusedBeforehand) {
   {
     const TissueModel model(wide_grid(), with_inclusion(), {}, unbounded.options(true));
     EXPECT_GT(unbounded.held(), 0U);
-    model.condensed(3);
+    model.compliance(3);
     with_one = unbounded.held();
   }
   EXPECT_EQ(unbounded.held(), 0U);
@@ -147,10 +147,10 @@ TEST(ModelMemory, InteriorLayersAreGivenBackAndModelsAreRefusedBeforehand) {
   const std::uint64_t slack = 4 * 4 * kColumns * kColumns * sizeof(double);
   const Budget budget(with_one + slack, 0);
   const TissueModel model(wide_grid(), with_inclusion(), {}, budget.options(true));
-  const Eigen::MatrixXd third = model.condensed(3)->among(around(50), nullptr);
-  for (const std::size_t row : {4, 5}) EXPECT_NO_THROW(model.condensed(row));
+  const Eigen::MatrixXd third = model.compliance(3)->among(around(50), nullptr);
+  for (const std::size_t row : {4, 5}) EXPECT_NO_THROW(model.compliance(row));
   EXPECT_LE(budget.held(), with_one + slack);
-  EXPECT_EQ(model.condensed(3)->among(around(50), nullptr), third);
+  EXPECT_EQ(model.compliance(3)->among(around(50), nullptr), third);
   const Budget small(10000, 0);
   EXPECT_THROW(TissueModel(wide_grid(), with_inclusion(), {}, small.options()), MemoryRefused);
   EXPECT_EQ(small.held(), 0U);

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "service/tissue/elasticity_solver.h"
 #include "service/tissue/tissue_model.h"
-#include "service/tissue/units.h"
 #include "tests/tissue/tissue_cases.h"
 
 namespace teletact {
@@ -51,10 +51,21 @@ std::vector<Case> cases() {
           {"window, columns", window_tissue(33), {10}, 1}};
 }
 
+TissueGrid in_units(TissueGrid grid, const service::Units& units) {
+  for (double& x : grid.x_m) x *= units.length;
+  for (double& y : grid.y_m) y *= units.length;
+  return grid;
+}
+
+Material in_units(Material material, const service::Units& units) {
+  for (double& e : material.youngs_modulus_pa) e *= units.modulus;
+  return material;
+}
+
 Eigen::MatrixXd compliance(const TissueModel& model, std::size_t row, service::SolveReport* report) {
   std::vector<std::size_t> nodes(model.problem().grid.nx());
   std::iota(nodes.begin(), nodes.end(), 0);
-  return model.condensed(row)->among(nodes, report);
+  return model.compliance(row)->among(nodes, report);
 }
 
 // Largest |dC_ij| / sqrt(C_ii C_jj) between the tissue in two units.

@@ -217,7 +217,7 @@ TEST_F(Session, ByPcgColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
   EXPECT_NEAR(first.contact.force_n[1], want, 1e-6 * std::abs(want));
   // Enough answers later, the widest contact is there.
   for (int k = 0; k < 20; ++k) by_gradients.solve({0.0603, -0.001}), by_gradients.look_ahead();
-  const auto compliance = tissue_of(*scene->snapshot()->windows.front()).iterative(0, device);
+  const auto compliance = tissue_of(*scene->snapshot()->windows.front()).compliance(0, device);
   EXPECT_TRUE(compliance->prepare(std::vector<std::size_t>{}, false, {}));
   std::vector<std::size_t> near;
   const auto& x = tissue_of(*scene->snapshot()->windows.front()).problem().grid.x_m;

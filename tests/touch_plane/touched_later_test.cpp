@@ -55,7 +55,7 @@ TEST_F(TouchedLater, AnInteriorLayerIsNeverMadeByTheTouch) {
   EXPECT_TRUE(preparing.empty());  // opening asks for nothing yet: where the finger is, is not known
   for (int k = 0; k < 3; ++k) expect_preparing(session.solve({0.045, 0.012}));
   EXPECT_EQ(preparing.size(), 1U) << "asked for once";
-  EXPECT_FALSE(tissue_of(*scene->snapshot()->windows[0]).made(10));
+  EXPECT_FALSE(tissue_of(*scene->snapshot()->windows[0]).ready(10));
   do_all(preparing);
   const TouchAnswer answer = session.solve({0.045, 0.012});
   EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
@@ -73,11 +73,11 @@ TEST_F(TouchedLater, ALayerThatTwoClientsWaitForIsMadeOnceAndInTheTurnOfEither) 
   for (int k = 0; k < 3; ++k) expect_preparing(berta.solve({0.045, 0.012}));
   ASSERT_EQ(preparing.size(), 2U);
   preparing.back()();  // of berta
-  const auto made = tissue_of(*scene->snapshot()->windows[0]).made(10);
+  const auto made = tissue_of(*scene->snapshot()->windows[0]).ready(10);
   EXPECT_NE(made, nullptr);
   preparing.front()();
   preparing.clear();
-  EXPECT_EQ(tissue_of(*scene->snapshot()->windows[0]).made(10), made);
+  EXPECT_EQ(tissue_of(*scene->snapshot()->windows[0]).ready(10), made);
   for (TouchSession* session : {&anna, &berta})
     EXPECT_EQ(session->solve({0.045, 0.012}).status, TouchStatus::kOk);
 }

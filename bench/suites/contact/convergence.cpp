@@ -28,7 +28,7 @@ MeshAnswer answer_on(const ContactCase& c) {
   const auto begin = Clock::now();
   const service::TissueModel model(grid, tissue.material, tissue.supports, {});
   answer.ready_s = seconds_since(begin);
-  const auto surface = model.condensed(0);
+  const auto surface = model.compliance(0);
   const auto touch = service::solve_contact(model.problem(), 0, *surface, {.radius_m = kTipRadiusM},
                                             {kPlaceM, kIndentationM});
   answer.force_n = touch.force_n[1];

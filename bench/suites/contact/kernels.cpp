@@ -6,6 +6,27 @@
 namespace teletact::bench {
 namespace {
 
+struct Nodes {
+  double launched = 0;  // of the levels on which a step is a launch of its own, the mean over these; 0: none
+  double in_one = 0;    // that the steps of a kind go over in the one launch of the small levels, together
+};
+
+Nodes nodes_of(const service::Multigrid<double, float>& multigrid, service::CycleStep step) {
+  Nodes nodes;
+  double launches = 0;
+  for (const service::PlannedStep& s : multigrid.plan()) {
+    if (s.step != step) continue;
+    const auto level = static_cast<std::size_t>(s.level);
+    const auto of_level = static_cast<double>(multigrid.nodes(level));
+    if (level >= multigrid.first_small())
+      nodes.in_one += of_level;
+    else
+      nodes.launched += of_level, ++launches;
+  }
+  if (launches > 0) nodes.launched /= launches;
+  return nodes;
+}
+
 // Of one launch and right-hand side, from the kernels' comments: conjugate gradients in double, multigrid in
 // float. A step of multigrid is a launch on each level that is not small: the mean of these; `run_steps` is
 // all of them on the small levels. Each array counts once.
@@ -34,13 +55,13 @@ Works work_of(const service::TissueGrid& grid, const service::Queue& queue) {
              {"pcg_update", per(12, 12)},
              {"pcg_direction", per(6, 4)}};
   // The coarsest level is a dense product.
-  const double solves = multigrid.small_nodes(CycleStep::kSolve),
-               unknowns = 2 * static_cast<double>(multigrid.coarsest_nodes());
+  const double solves = nodes_of(multigrid, CycleStep::kSolve).in_one,
+               unknowns = 2 * static_cast<double>(multigrid.nodes(multigrid.levels() - 1));
   Work& small = work["run_steps"];
   small = {solves * 2 * unknowns * sizeof(float), solves * 2 * unknowns * 2};
   for (const auto& s : steps) {
-    const double nodes = multigrid.mean_nodes(s.step), in_one = multigrid.small_nodes(s.step);
-    work.try_emplace(s.kernel, Work{nodes * s.bytes, nodes * s.flops});
+    const auto [launched, in_one] = nodes_of(multigrid, s.step);
+    work.try_emplace(s.kernel, Work{launched * s.bytes, launched * s.flops});
     small.bytes += in_one * s.bytes;
     small.flops += in_one * s.flops;
   }
@@ -53,13 +74,13 @@ KernelProfile measure_kernels(const ContactProblem& p, std::size_t device_index,
   const ProfiledDevice profiled(device_index);
   service::ElasticitySolverOptions solver_options;
   solver_options.precision = service::SolvePrecision::kDouble;
-  service::ElasticitySolver solver(profiled.device(), p.tissue.grid, p.tissue.supports, solver_options);
-  solver.set_material(p.tissue.material);
+  service::ElasticitySolver solver(profiled.device(), p.tissue.grid, p.tissue.supports, p.tissue.material,
+                                   solver_options);
   std::vector<double> load(p.tissue.grid.dofs(), 0.0);
   for (const std::size_t dof : p.contact_dofs) load[dof] = 1;
   for (int k = 0; k < touches; ++k) {
     std::vector<double> u(load.size(), 0.0);
-    solver.solve(1, load, {}, u);
+    solver.solve(1, load, u);
   }
   return profiled.profile(solver.queue(), work_of(p.tissue.grid, profiled.device()->queue()), touches);
 }

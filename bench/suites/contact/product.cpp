@@ -31,7 +31,7 @@ LayerFigures measure_layers(const ContactProblem& p, int repeats) {
   const auto build = [&](bool interior_layers) {
     const TissueModel model(p.tissue.grid, p.tissue.material, p.tissue.supports,
                             {.interior_layers = interior_layers});
-    for (std::size_t row = 1; interior_layers && row + 1 < p.tissue.grid.ny(); ++row) model.condensed(row);
+    for (std::size_t row = 1; interior_layers && row + 1 < p.tissue.grid.ny(); ++row) model.compliance(row);
   };
   for (int k = 0; k < repeats; ++k) {
     surface_s.push_back(processor_seconds_of([&] { build(false); }));
@@ -67,10 +67,10 @@ WindowTissueFigures measure_window_tissue(int repeats) {
     refreshed_s.push_back(
         processor_seconds_of([&] { follows.emplace(grid, changed, geometry.supports, options, &before); }));
     const std::array nodes{before.problem().touchable.first, grid.nx() / 2, before.problem().touchable.last};
-    difference = std::max(
-        difference, (anew->condensed(0)->among(nodes, nullptr) - follows->condensed(0)->among(nodes, nullptr))
-                        .cwiseAbs()
-                        .maxCoeff());
+    difference = std::max(difference, (anew->compliance(0)->among(nodes, nullptr) -
+                                       follows->compliance(0)->among(nodes, nullptr))
+                                          .cwiseAbs()
+                                          .maxCoeff());
   }
   return {grid.nx(), grid.ny(), quantiles(ready_s), quantiles(refreshed_s), difference};
 }
@@ -79,7 +79,7 @@ WindowTissueFigures measure_window_tissue(int repeats) {
 double tangent_error(const ContactProblem& p, const TissueModel& model) {
   constexpr double kStepM = 1e-7;
   const auto at = [&](double dx, double dy) {
-    return service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
+    return service::solve_contact(model.problem(), 0, *model.compliance(0), p.tip,
                                   {p.pose.x_m + dx, p.pose.indentation_m + dy});
   };
   const auto tangent = at(0, 0).tangent_n_m;
@@ -110,7 +110,7 @@ double loop_work(const ContactProblem& p, const TissueModel& model, int steps) {
     };
     std::array<double, 2> last{};
     for (int k = 0; k <= steps; ++k) {
-      const ContactAnswer a = service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
+      const ContactAnswer a = service::solve_contact(model.problem(), 0, *model.compliance(0), p.tip,
                                                      {from.x_m + k * hx, from.indentation_m + k * hy});
       const auto now = along(a);
       if (k > 0) work += (last[0] + now[0]) / 2 + (last[1] - now[1]) / 12;
@@ -135,7 +135,7 @@ Ripple measure_ripple(const ContactProblem& p) {
   const double spacing_m = p.tissue.grid.x_m[1], middle_m = p.tissue.grid.x_m[p.tissue.grid.nx() / 2];
   std::array<double, 2> least{1e300, 1e300}, most{}, sum{};
   for (int k = 0; k < kPoses; ++k) {
-    const ContactAnswer a = service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
+    const ContactAnswer a = service::solve_contact(model.problem(), 0, *model.compliance(0), p.tip,
                                                    {middle_m + spacing_m * k / kPoses, kDepthM});
     const std::array stiffness{-a.force_n[1] / kDepthM, -a.tangent_n_m[4]};
     for (std::size_t s = 0; s < 2; ++s) {
@@ -185,7 +185,7 @@ PathFigures measure_path(const ContactProblem& p, const std::shared_ptr<service:
                                   {begin_m + k * kStepM, p.pose.indentation_m});
   };
   const double patch_s = seconds_of([&] {
-    compliance.emplace(model.iterative(0, device));
+    compliance.emplace(model.compliance(0, device));
     touch(0);
   });
   double spent_s = 0, worst = 0;
@@ -196,7 +196,7 @@ PathFigures measure_path(const ContactProblem& p, const std::shared_ptr<service:
     seconds.push_back(seconds_of([&] { a = touch(k); }));
     spent_s += seconds.back();
     if (compliance->known() > known) solving.push_back(seconds.back());
-    const ContactAnswer exact = service::solve_contact(model.problem(), 0, *model.condensed(0), p.tip,
+    const ContactAnswer exact = service::solve_contact(model.problem(), 0, *model.compliance(0), p.tip,
                                                        {begin_m + k * kStepM, p.pose.indentation_m});
     worst = std::max(worst, std::hypot(a.force_n[0] - exact.force_n[0], a.force_n[1] - exact.force_n[1]) /
                                 std::hypot(exact.force_n[0], exact.force_n[1]));
@@ -209,7 +209,7 @@ PathFigures measure_path(const ContactProblem& p, const std::shared_ptr<service:
 ColumnFigures measure_columns(const ContactProblem& p, const std::shared_ptr<service::Device>& device) try {
   const TissueModel model = model_of(p.tissue);
   const ContactAnswer a =
-      service::solve_contact(model.problem(), 0, *model.iterative(0, device), p.tip, p.pose);
+      service::solve_contact(model.problem(), 0, *model.compliance(0, device), p.tip, p.pose);
   const double error = p.force_error({a.force_n[0], a.force_n[1]});
   std::printf("  columns by the product's PCG: %zu iterations, force off by %.1e, stated %.1e%s\n",
               a.solve.iterations, error, a.solve.relative_error, a.solve.converged ? "" : "  NOT CONVERGED");

@@ -67,7 +67,7 @@ KernelProfile measure_device(const service::DeviceInfo& info, const Phantom& p, 
 class Finger {
  public:
   Finger() : tissue_(make_tissue({})), model_(tissue_.grid, tissue_.material, tissue_.supports, {}) {
-    compliance_ = model_.condensed(0);
+    compliance_ = model_.compliance(0);
     thread_ = std::thread([this] { slide(); });
   }
   ~Finger() { stop(); }

@@ -72,7 +72,7 @@ struct Series {
 // There and back. A touched node's force ripples between the nodes (T4.5b), so its footprint is one spacing
 // wide.
 Series run_along(const service::TissueModel& model, std::size_t row, double rate_hz) {
-  const auto compliance = model.condensed(row);
+  const auto compliance = model.compliance(row);
   const service::Fingertip node{.shape = service::FingertipShape::kNode, .footprint_m = 0.002};
   const double way_m = kEndM - kBeginM;
   const auto ticks = static_cast<std::size_t>(std::floor(2 * way_m / kSpeedMS / kServoS));

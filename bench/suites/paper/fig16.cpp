@@ -49,7 +49,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, indentation_m, cases)
 
 // Force over displacement of every node of the layer, one pressed at a time and free to move sideways.
 std::vector<double> stiffness_n_m(const service::TissueModel& model, std::size_t layer) {
-  const auto compliance = model.condensed(layer);
+  const auto compliance = model.compliance(layer);
   const service::Fingertip node{.shape = service::FingertipShape::kNode};
   std::vector<double> stiffness;
   for (const double x_m : model.problem().grid.x_m) {

@@ -99,7 +99,7 @@ double force_at(service::SolidContact<double>& contact, double x_m, double inden
 double rigid_force(const service::SurfaceCompliance& s0, const service::SolidGrid& grid, double x_m,
                    double indentation_m, double z_m) {
   const SurfaceValues all = paraboloid_push(grid, x_m, z_m, indentation_m);
-  return press_rigid(s0.among(all.unknowns, grid.nx, grid.nz), all.values).force_n.sum();
+  return press_rigid(s0.among(all.unknowns), all.values).force_n.sum();
 }
 
 void measure_forces(const service::Queue& queue, bool quick, Figures& f) {

@@ -45,12 +45,12 @@ void compare(const service::Queue& queue, double nu, double contrast, Figures& f
     plane.emplace(
         plane_grid, service::Material{solid.youngs_modulus_pa, nu}, service::Supports{},
         service::TissueModelOptions{.touch_begin_m = middle_m - 0.02, .touch_end_m = middle_m + 0.02});
-    plane->condensed(0);
+    plane->compliance(0);
   });
   std::vector<std::size_t> nodes;
   for (std::size_t i = kColumns / 2 - 8; i <= kColumns / 2 + 8; i += 2) nodes.push_back(i);
   // m/N: the plane's is for a force for each metre of thickness.
-  const Eigen::MatrixXd c = plane->condensed(0)->axial_among(nodes, nullptr) / grid.spacing_z_m;
+  const Eigen::MatrixXd c = plane->compliance(0)->axial_among(nodes, nullptr) / grid.spacing_z_m;
   { service::SolidSolver<double> compiles(queue, solid); }
   std::optional<service::SolidSolver<double>> solver;
   const double setup_s = seconds_of([&] { solver.emplace(queue, solid); });

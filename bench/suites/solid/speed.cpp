@@ -128,11 +128,10 @@ struct CertifiedForce {
 };
 // From two energies: pushed by s more and by s less they differ by 2 s F, and each is known from both sides.
 // With s = |u| / |z|, z the unit push, it is off by about |e_u| |e_z| at most.
-CertifiedForce certified_force(service::SolidSolver<float>& solver, const service::SolidGrid& grid,
-                               const SolidTouch& touch, double relative_error) {
+CertifiedForce certified_force(service::SolidSolver<float>& solver, const SolidTouch& touch,
+                               double relative_error) {
   const Eigen::VectorXd &w = touch.surface.values, one = Eigen::VectorXd::Ones(w.size());
-  const Eigen::LLT<Eigen::MatrixXd> layered(
-      solver.row()->layered.among(touch.surface.unknowns, grid.nx, grid.nz));
+  const Eigen::LLT<Eigen::MatrixXd> layered(solver.row()->layered.among(touch.surface.unknowns));
   const Eigen::VectorXd p = layered.solve(w), z = layered.solve(one);
   const double s = std::sqrt(w.dot(p) / z.sum());
   // Of the layered tissue: the whole is stiffer, or asks for a little more.
@@ -168,7 +167,7 @@ void measure_force(const service::Queue& queue, const service::SolidGrid& grid, 
     return median_of(seconds);
   };
   CertifiedForce c;
-  out.certified_s = median_seconds([&] { c = certified_force(solver, grid, touch, kCertified); });
+  out.certified_s = median_seconds([&] { c = certified_force(solver, touch, kCertified); });
   out.certified = c.error_n / c.force_n, out.certified_iterations = c.iterations;
   out.certified_error = std::abs(c.force_n / exact_n - 1);
   const auto error_after = [&](std::size_t k) {

@@ -160,8 +160,8 @@ SurfacePatch patch_under(const ProbeFace& face, const SolidGrid& grid, const Cel
 }
 
 // Of a face that is pushed by 1 m into layers of this compliance.
-double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch, std::size_t nx, std::size_t nz) {
-  const Eigen::MatrixXd among = layered.among(patch.unknowns, nx, nz);
+double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch) {
+  const Eigen::MatrixXd among = layered.among(patch.unknowns);
   return among.llt().solve(VectorXd::Ones(among.rows())).sum();
 }
 
@@ -215,8 +215,7 @@ class ProbedSolid : public ProbedTissue {
                    static_cast<double>(kMaxWide) * std::min(grid.spacing_x_m, grid.spacing_z_m));
       const auto wide = wide_surface(grid, layers, tissue_.poisson_ratio, period_m);
       check_cancelled();
-      force_share_ = force_of(solver_.row()->layered, patch_, grid.nx, grid.nz) /
-                     force_of(wide, patch_, grid.nx, grid.nz);
+      force_share_ = force_of(solver_.row()->layered, patch_) / force_of(wide, patch_);
     }
     return *force_share_;
   }

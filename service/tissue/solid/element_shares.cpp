@@ -1,6 +1,7 @@
 #include "service/tissue/solid/element_shares.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "service/device/cancellation.h"
 #include "service/tissue/solid/hexahedron.h"
@@ -72,6 +73,22 @@ ElementMeans::Map ElementMeans::transformed(const std::vector<float>& of_element
   elements_.forward(field_, spectrum_, 0, layers_);
   return queue_.read(spectrum_);
 }
+
+template <class T>
+ElementMeans::Map ElementMeans::shares(const SolidTissue& layers, const std::vector<T>& u,
+                                       const std::vector<T>& z) {
+  const std::vector<double> work = work_of_elements(layers, u, z, true);
+  const double sum = std::accumulate(work.begin(), work.end(), 0.0);
+  std::vector<float> shares;
+  shares.reserve(work.size());
+  for (const double w : work) shares.push_back(static_cast<float>(w / sum));
+  return transformed(shares);
+}
+
+template ElementMeans::Map ElementMeans::shares(const SolidTissue&, const std::vector<float>&,
+                                                const std::vector<float>&);
+template ElementMeans::Map ElementMeans::shares(const SolidTissue&, const std::vector<double>&,
+                                                const std::vector<double>&);
 
 Eigen::VectorXd ElementMeans::means(const Map& shares, const Map& map) {
   return means({{&shares, &map}}).front();

@@ -27,6 +27,9 @@ class ElementMeans {
   // at_once: so many means at most.
   ElementMeans(const Queue&, const SolidGrid&, std::size_t at_once = 1);
   Map transformed(const std::vector<float>& of_elements);
+  // Of the elements' shares in z . K u, 1 in all; tissue and fields mirrored, as above.
+  template <class T>
+  Map shares(const SolidTissue& layers, const std::vector<T>& u, const std::vector<T>& z);
   // About each node of the surface, [z][x]: sum over e of share_e map_(e + node).
   Eigen::VectorXd means(const Map& shares, const Map& map);
   // Of each pair of shares and a map, at once.

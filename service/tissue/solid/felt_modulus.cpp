@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <stdexcept>
 
 namespace teletact::service {
@@ -34,17 +33,10 @@ EnergyShares::Load EnergyShares::usual_load(const SolidGrid& grid) {
 
 EnergyShares::EnergyShares(const Queue& queue, const SolidGrid& grid, const LayeredTissue& tissue,
                            double poisson_ratio, const std::vector<double>& u)
-    : columns_(grid.columns()), layers_pa_(tissue.youngs_modulus_pa), means_(queue, grid) {
-  SolidTissue layers{grid, {}, poisson_ratio};
-  for (const double e : layers_pa_)
-    layers.youngs_modulus_pa.insert(layers.youngs_modulus_pa.end(), columns_, e);
-  const std::vector<double> energy = work_of_elements(layers, u, u, true);
-  const double sum = std::accumulate(energy.begin(), energy.end(), 0.0);
-  std::vector<float> shares;
-  shares.reserve(energy.size());
-  for (const double e : energy) shares.push_back(static_cast<float>(e / sum));
-  shares_ = means_.transformed(shares);
-}
+    : columns_(grid.columns()),
+      layers_pa_(tissue.youngs_modulus_pa),
+      means_(queue, grid),
+      shares_(means_.shares(solid_of(grid, tissue, poisson_ratio), u, u)) {}
 
 FeltModulus EnergyShares::felt(const SolidTissue& tissue, double softer) {
   std::vector<float> logarithm(tissue.youngs_modulus_pa.size()), stiffer(logarithm), weaker(logarithm);

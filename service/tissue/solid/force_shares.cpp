@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 namespace teletact::service {
@@ -145,19 +144,12 @@ ForceShares::ForceShares(const Queue& queue, const SolidGrid& grid, const Layere
       layers_pa_(tissue.youngs_modulus_pa),
       radius_m_(radii_m(grid)),
       means_(queue, grid, 2 * radius_m_.size()) {
-  SolidTissue layers{grid, {}, poisson_ratio};
-  for (const double e : layers_pa_)
-    layers.youngs_modulus_pa.insert(layers.youngs_modulus_pa.end(), grid.columns(), e);
+  const SolidTissue layers = solid_of(grid, tissue, poisson_ratio);
   for (const double radius : radius_m_) {
     const Contact pressed = contact(grid, radius);
     const std::vector<float> u = solve(pressed.unknowns, pressed.hertz_n),
                              z = solve(pressed.unknowns, pressed.punch_n);
-    const std::vector<double> work = work_of_elements(layers, u, z, true);
-    const double sum = std::accumulate(work.begin(), work.end(), 0.0);
-    std::vector<float> shares;
-    shares.reserve(work.size());
-    for (const double w : work) shares.push_back(static_cast<float>(w / sum));
-    shares_.push_back(means_.transformed(shares));
+    shares_.push_back(means_.shares(layers, u, z));
   }
 }
 

@@ -22,7 +22,7 @@ LayeredPreconditioner<T>::LayeredPreconditioner(const Queue& queue, const SolidG
       fourier_(queue, grid.nx, grid.nz, 3 * grid.layers()),
       surface_fourier_(queue, grid.nx, grid.nz, 3) {
   const LayeredFactor f = factor(grid, tissue, poisson_ratio, fourier_.pitch());
-  compliance_.emplace(grid.nx, grid.nz, f.inverse, f.pitch, grid.nx / 2, grid.nz / 2);
+  compliance_.emplace(grid.nx, grid.nz, f.inverse, f.pitch, grid.nx, grid.nz);
   inverse_ = queue.array(std::vector<T>(f.inverse.begin(), f.inverse.end()));
   coupling_ = queue.array(std::vector<T>(f.coupling.begin(), f.coupling.end()));
   spectrum_ = queue.array<T>(fourier_.spectrum_size());

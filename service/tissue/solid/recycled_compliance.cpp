@@ -55,10 +55,10 @@ Eigen::VectorXd RecycledCompliance::scale_at(const std::vector<std::size_t>& unk
 }
 
 Eigen::MatrixXd RecycledCompliance::guess_among(const std::vector<std::size_t>& unknowns) const {
-  Eigen::MatrixXd g = wide_.among(unknowns, grid_.nx, grid_.nz);
+  Eigen::MatrixXd g = wide_.among(unknowns);
   if (felt_) {
     const Eigen::VectorXd d = scale_at(unknowns);
-    g.array() += smooth_.among(unknowns, grid_.nx, grid_.nz).array() * ((d * d.transpose()).array() - 1);
+    g.array() += smooth_.among(unknowns).array() * ((d * d.transpose()).array() - 1);
   }
   return scale_ * g;
 }
@@ -69,7 +69,7 @@ void RecycledCompliance::add(const std::vector<std::size_t>& unknowns, const Eig
   const auto begin = static_cast<Eigen::Index>(first_ * grid_.columns());
   const auto size = static_cast<Eigen::Index>(count_ * grid_.columns());
   const auto moves = [&](const SurfaceCompliance& s, const Eigen::VectorXd& p) {
-    return s.times(unknowns, p, grid_.nx, grid_.nz, first_, count_);
+    return s.times(unknowns, p, first_, count_);
   };
   Pair pair{Eigen::VectorXd::Zero(size), excess.moved_m.segment(begin, size),
             excess.last_m.segment(begin, size), scale_ * moves(wide_, force_n)};
@@ -145,9 +145,7 @@ Eigen::VectorXd RecycledCompliance::moved_m(const std::vector<std::size_t>& node
                                             const Eigen::VectorXd& force_n) const {
   std::vector<std::size_t> along_y;
   for (const std::size_t node : nodes) along_y.push_back(node + grid_.columns());
-  const auto between = [&](const SurfaceCompliance& s) {
-    return s.between(along_y, unknowns, grid_.nx, grid_.nz);
-  };
+  const auto between = [&](const SurfaceCompliance& s) { return s.between(along_y, unknowns); };
   Eigen::VectorXd moved = between(wide_) * force_n;
   if (felt_)
     moved += between(smooth_).cwiseProduct(
@@ -164,9 +162,7 @@ Eigen::VectorXd RecycledCompliance::moved_m(const std::vector<std::size_t>& node
 
 Eigen::VectorXd RecycledCompliance::wider_m(const std::vector<std::size_t>& unknowns,
                                             const Eigen::VectorXd& force_n) const {
-  return scale_ *
-         ((wide_.among(unknowns, grid_.nx, grid_.nz) - periodic_.among(unknowns, grid_.nx, grid_.nz)) *
-          force_n);
+  return scale_ * ((wide_.among(unknowns) - periodic_.among(unknowns)) * force_n);
 }
 
 // Where p presses.

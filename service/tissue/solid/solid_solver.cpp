@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "service/tissue/solid/hexahedron.h"
-#include "service/tissue/solid/radau_bound.h"
 
 namespace teletact::service {
 namespace {
@@ -36,6 +35,30 @@ double rounding_of(double poisson_ratio, const LayeredTissue& beside) {
 std::size_t lanes(const Queue& queue, std::size_t nx, std::size_t bytes) {
   return std::min<std::size_t>({nx, 16, std::max<std::size_t>(1, queue.info().vector_bytes / bytes)});
 }
+
+// An upper bound of conjugate gradients' error, at every iteration, from the coefficients that they compute
+// anyway: Gauss-Radau quadrature with a node at or below the smallest eigenvalue (Meurant and Tichy, On
+// computing quadrature-based bounds for the A-norm of the error in conjugate gradients, Numer. Algorithms 62,
+// 2013).
+class RadauBound {
+ public:
+  // `min_eigenvalue`: at most the smallest one of M^-1 A, > 0.
+  explicit RadauBound(double min_eigenvalue) : mu_(min_eigenvalue), gamma_(1 / min_eigenvalue) {}
+  // After a step alpha from an iterate with r.z = rho to one with `next_rho`.
+  void step(double alpha, double rho, double next_rho) {
+    const double rest = gamma_ - alpha;
+    // Rounding, or an eigenvalue below the one that was given: from here on it bounds nothing.
+    if (!(rest >= 0)) holds_ = holds_ && rest >= -1e-12 * gamma_;
+    gamma_ = rest > 0 ? rest / (mu_ * rest + next_rho / rho) : 0;
+  }
+  // Of the squared energy norm of the error of an iterate with r.z = rho.
+  double squared(double rho) const { return gamma_ * rho; }
+  bool holds() const { return holds_; }
+
+ private:
+  double mu_, gamma_;
+  bool holds_ = true;
+};
 
 Range over(std::size_t groups, std::size_t nz, std::size_t planes) {
   return {{groups, nz, planes}, {std::min<std::size_t>(groups, 64), 1, 1}};
@@ -78,7 +101,10 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       width_(lanes(queue, grid_.nx, sizeof(T))),
       nx_(static_cast<int>(grid_.nx)),
       nz_(static_cast<int>(grid_.nz)),
-      rows_(static_cast<int>(grid_.layers())) {
+      rows_(static_cast<int>(grid_.layers())),
+      groups_(static_cast<int>(grid_.unknowns() / width_)),
+      fields_(over(grid_.nx / width_, grid_.nz, 3 * grid_.layers())),
+      elements_(over(grid_.nx / width_, grid_.nz, grid_.layers())) {
   const std::size_t layers = grid_.layers(), columns = grid_.columns(), unknowns = grid_.unknowns();
   const std::size_t groups = unknowns / width_, wide = grid_.nx + 2 * width_;
   chunk_ = (groups + kMaxChunks - 1) / kMaxChunks;
@@ -167,13 +193,23 @@ void SolidSolver<T>::move_layers(const Components& components, Array<T>& u) {
 
 template <class T>
 double SolidSolver<T>::dot(const Array<T>& a, const Array<T>& b) {
-  dot_({{chunks_}, {1}}, a, b, partial_, static_cast<int>(grid_.unknowns() / width_),
-       static_cast<int>(chunk_));
+  dot_({{chunks_}, {1}}, a, b, partial_, groups_, static_cast<int>(chunk_));
   std::vector<T> sums(chunks_);
   queue_.read(partial_, sums.data(), chunks_);
   double sum = 0;
   for (const T s : sums) sum += static_cast<double>(s);
   return sum;
+}
+
+template <class T>
+void SolidSolver<T>::multiply(const Array<T>& field) {
+  direction_(fields_, scalars_, field, d_, nx_, nz_, 3 * rows_);
+  apply_(elements_, stiffness_, modulus_->youngs_modulus_pa, d_, kd_, partial_, nx_, nz_, rows_);
+}
+
+template <class T>
+void SolidSolver<T>::subtract(const Array<T>& a, const Array<T>& b, Array<T>& out) {
+  subtract_({{static_cast<std::size_t>(groups_)}, {64}}, a, b, out, groups_);
 }
 
 template <class T>
@@ -183,13 +219,10 @@ void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
   move_layers(patch.components, u_);
   const std::vector<T> none(kScalars, T{0});
   queue_.write(scalars_, none.data(), none.size());
-  const int planes = 3 * rows_, groups = static_cast<int>(grid_.unknowns() / width_);
-  direction_(over(grid_.nx / width_, grid_.nz, 3 * grid_.layers()), scalars_, u_, d_, nx_, nz_, planes);
-  apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_->youngs_modulus_pa, d_, kd_,
-         partial_, nx_, nz_, rows_);
+  multiply(u_);
   queue_.fill_zero(z_);
   spread(p_, z_, T{1}, {0, 3}, row_begin());
-  subtract_({{static_cast<std::size_t>(groups)}, {64}}, z_, kd_, r_, groups);
+  subtract(z_, kd_, r_);
 }
 
 template <class T>
@@ -210,23 +243,20 @@ void SolidSolver<T>::precondition(const Patch& patch) {
   project(z_);
   queue_.fill_zero(z_);
   spread(q_, z_, T{1}, {0, 3}, row_begin());
-  const auto groups = static_cast<int>(grid_.unknowns() / width_);
-  subtract_({{static_cast<std::size_t>(groups)}, {64}}, r_, z_, kd_, groups);
+  subtract(r_, z_, kd_);
   solve_layers(kd_, z_);
 }
 
 template <class T>
 SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, const SolidOptions& options) {
-  const int planes = 3 * rows_, count = patch.pushed ? patch.count : 0;
-  const Range fields = over(grid_.nx / width_, grid_.nz, 3 * grid_.layers());
-  const auto groups = static_cast<int>(grid_.unknowns() / width_);
+  const int count = patch.pushed ? patch.count : 0;
   const auto partials = static_cast<int>(grid_.layers() * grid_.nz * (grid_.nx / width_));
   SolidSolution solution;
   RadauBound bound(layers().least);
   double rho = 0;
   for (std::size_t k = 0;; ++k) {
     precondition(patch);
-    dot_({{chunks_}, {1}}, r_, z_, partial_, groups, static_cast<int>(chunk_));
+    dot_({{chunks_}, {1}}, r_, z_, partial_, groups_, static_cast<int>(chunk_));
     turn_({{1}, {1}}, partial_, scalars_, q_, dq_, static_cast<int>(chunks_), count, k == 0 ? 1 : 0);
     std::array<T, kScalars> scalars;
     queue_.read(scalars_, scalars.data(), kScalars);
@@ -254,11 +284,9 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
     else if (k == options.max_iterations)
       solution.reason = StopReason::kIterationLimit;
     if (solution.reason != StopReason::kRunning) return solution;
-    direction_(fields, scalars_, z_, d_, nx_, nz_, planes);
-    apply_(over(grid_.nx / width_, grid_.nz, grid_.layers()), stiffness_, modulus_->youngs_modulus_pa, d_,
-           kd_, partial_, nx_, nz_, rows_);
+    multiply(z_);
     patch_step_({{1}, {1}}, partial_, scalars_, unknowns_, d_, kd_, p_, dq_, partials, count, nx_);
-    step_(fields, scalars_, d_, kd_, u_, r_, nx_, nz_, planes);
+    step_(fields_, scalars_, d_, kd_, u_, r_, nx_, nz_, 3 * rows_);
   }
 }
 
@@ -271,7 +299,7 @@ SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::Vecto
     throw std::invalid_argument("patch: give each unknown a skin whose compliance is finite, 0 or more");
   if (w.size() != n || !w.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite displacement");
-  Eigen::MatrixXd felt = row_->layered.among(patch.unknowns, grid_.nx, grid_.nz);
+  Eigen::MatrixXd felt = row_->layered.among(patch.unknowns);
   felt.diagonal() += patch.skin_m_n;
   const Eigen::LLT<Eigen::MatrixXd> factor(felt);
   if (factor.info() != Eigen::Success)

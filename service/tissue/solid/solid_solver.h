@@ -8,7 +8,7 @@
 // is corrected by q = (S0 + C)^-1 B z0, S0 the layered row's compliance (Gould, Hribar and Nocedal 2001,
 // where C = 0).
 //
-// What is bounded, at every iteration, is the energy norm of the error (radau_bound.h): the eigenvalues of
+// What is bounded, at every iteration, is the energy norm of the error (RadauBound): the eigenvalues of
 // the preconditioned operator are not below min E / E0.
 #pragma once
 
@@ -122,6 +122,9 @@ class SolidSolver {
   // Conjugate gradients from there; `twice_energy`: of the beginning.
   SolidSolution iterate(const Patch&, double twice_energy, const SolidOptions&);
   void precondition(const Patch&);  // z from r
+  // d = field + beta d, K d, and d . K d in parts.
+  void multiply(const Array<T>& field);
+  void subtract(const Array<T>& a, const Array<T>& b, Array<T>& out);  // a - b
   // The patch's values, with zeros between, in the planes of a field from `begin` on.
   void spread(const Array<T>& values, Array<T>& field, T sign, const Components&, std::size_t begin);
   Eigen::VectorXd row_of(const Array<T>& field) const;
@@ -132,7 +135,8 @@ class SolidSolver {
   LayeredPreconditioner<T> preconditioner_;
   std::shared_ptr<const SolidRow> row_;
   std::size_t width_ = 1, chunk_ = 1, chunks_ = 1;
-  int nx_, nz_, rows_;
+  int nx_, nz_, rows_, groups_;  // groups: of `width_` unknowns
+  Range fields_, elements_;
   Array<T> stiffness_;
   Array<T> u_, r_, z_, kd_, d_, surface_;
   Array<T> scalars_, partial_;

@@ -68,6 +68,13 @@ LayeredTissue layered(const SolidTissue& tissue) {
   return beside(tissue, means);
 }
 
+SolidTissue solid_of(const SolidGrid& grid, const LayeredTissue& layers, double poisson_ratio) {
+  SolidTissue out{grid, {}, poisson_ratio};
+  for (const double e : layers.youngs_modulus_pa)
+    out.youngs_modulus_pa.insert(out.youngs_modulus_pa.end(), grid.columns(), e);
+  return out;
+}
+
 LayeredTissue beside(const SolidTissue& tissue, const std::vector<double>& layers_pa) {
   if (layers_pa.size() != tissue.grid.layers())
     throw std::invalid_argument(

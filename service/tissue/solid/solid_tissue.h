@@ -36,6 +36,8 @@ struct LayeredTissue {
   double least = 1, largest = 1;
 };
 LayeredTissue layered(const SolidTissue&);
+// The tissue that is layered so.
+SolidTissue solid_of(const SolidGrid&, const LayeredTissue&, double poisson_ratio);
 // The same beside another E0, one for each layer: both bounds of E / E0 are this tissue's.
 LayeredTissue beside(const SolidTissue&, const std::vector<double>& layers_pa);
 

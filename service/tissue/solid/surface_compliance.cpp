@@ -37,44 +37,34 @@ long nearest(std::size_t to, std::size_t from, std::size_t n) {
   return 2 * ahead > size ? ahead - size : ahead;
 }
 
-struct SurfacePlace {
-  std::size_t component, x, z;
-};
-std::vector<SurfacePlace> places_of(const std::vector<std::size_t>& unknowns, std::size_t nx,
-                                    std::size_t nz) {
-  std::vector<SurfacePlace> places;
-  places.reserve(unknowns.size());
-  for (const std::size_t unknown : unknowns) {
-    const std::size_t node = unknown % (nx * nz);
-    places.push_back({unknown / (nx * nz), node % nx, node / nx});
-  }
-  return places;
-}
-
 }  // namespace
 
+struct SurfaceCompliance::Place {
+  std::size_t component, x, z;
+};
+
 SurfaceCompliance::SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol,
-                                     std::size_t pitch, std::size_t max_x, std::size_t max_z)
-    : max_x_(max_x), max_z_(max_z), table_(6 * (max_x + 1) * (max_z + 1), 0.0) {
-  const std::size_t half_x = nx / 2, half_z = nz / 2;
-  const std::vector<Turn> along_x = turns(nx), along_z = turns(nz);
+                                     std::size_t pitch, std::size_t wide_x, std::size_t wide_z)
+    : nx_(nx), nz_(nz), table_(6 * (nx / 2 + 1) * (nz / 2 + 1), 0.0) {
+  const std::size_t max_x = nx / 2, max_z = nz / 2, half_x = wide_x / 2, half_z = wide_z / 2;
+  const std::vector<Turn> along_x = turns(wide_x), along_z = turns(wide_z);
   std::vector<double> half((max_x + 1) * (half_z + 1));
   for (std::size_t e = 0; e < 6; ++e) {
     for (std::size_t kz = 0; kz <= half_z; ++kz)
       for (std::size_t i = 0; i <= max_x; ++i) {
         double sum = 0;
         for (std::size_t kx = 0; kx <= half_x; ++kx) {
-          const Turn& turn = along_x[kx * i % nx];
-          sum += (kx == 0 || 2 * kx == nx ? 1 : 2) * symbol[(e * (half_z + 1) + kz) * pitch + kx] *
+          const Turn& turn = along_x[kx * i % wide_x];
+          sum += (kx == 0 || 2 * kx == wide_x ? 1 : 2) * symbol[(e * (half_z + 1) + kz) * pitch + kx] *
                  (kOddX[e] ? turn.sine : turn.cosine);
         }
         half[kz * (max_x + 1) + i] = sum;
       }
     for (std::size_t k = 0; k <= max_z; ++k)
       for (std::size_t kz = 0; kz <= half_z; ++kz) {
-        const Turn& turn = along_z[kz * k % nz];
-        const double share = kSign[e] * (kz == 0 || 2 * kz == nz ? 1 : 2) *
-                             (kOddZ[e] ? turn.sine : turn.cosine) / static_cast<double>(nx * nz);
+        const Turn& turn = along_z[kz * k % wide_z];
+        const double share = kSign[e] * (kz == 0 || 2 * kz == wide_z ? 1 : 2) *
+                             (kOddZ[e] ? turn.sine : turn.cosine) / static_cast<double>(wide_x * wide_z);
         for (std::size_t i = 0; i <= max_x; ++i)
           table_[(e * (max_z + 1) + k) * (max_x + 1) + i] += share * half[kz * (max_x + 1) + i];
       }
@@ -85,52 +75,60 @@ double SurfaceCompliance::operator()(std::size_t p, std::size_t q, long dx, long
   const std::size_t entry = kEntry[p][q];
   const auto i = static_cast<std::size_t>(std::labs(dx)), k = static_cast<std::size_t>(std::labs(dz));
   const bool turned = (p > q && (p == 1 || q == 1)) != ((kOddX[entry] && dx < 0) != (kOddZ[entry] && dz < 0));
-  const double value = table_[(entry * (max_z_ + 1) + k) * (max_x_ + 1) + i];
+  const double value = table_[(entry * (nz_ / 2 + 1) + k) * (nx_ / 2 + 1) + i];
   return turned ? -value : value;
 }
 
-Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknowns, std::size_t nx,
-                                         std::size_t nz) const {
-  const std::vector<SurfacePlace> places = places_of(unknowns, nx, nz);
-  const auto n = static_cast<Eigen::Index>(unknowns.size());
-  Eigen::MatrixXd s(n, n);
-  for (Eigen::Index b = 0; b < n; ++b) {
-    const SurfacePlace from = places[static_cast<std::size_t>(b)];
-    for (Eigen::Index a = b; a < n; ++a) {
-      const SurfacePlace to = places[static_cast<std::size_t>(a)];
-      s(a, b) = s(b, a) =
-          (*this)(to.component, from.component, nearest(to.x, from.x, nx), nearest(to.z, from.z, nz));
-    }
+std::vector<SurfaceCompliance::Place> SurfaceCompliance::places_of(
+    const std::vector<std::size_t>& unknowns) const {
+  std::vector<Place> places;
+  places.reserve(unknowns.size());
+  for (const std::size_t unknown : unknowns) {
+    const std::size_t node = unknown % (nx_ * nz_);
+    places.push_back({unknown / (nx_ * nz_), node % nx_, node / nx_});
   }
+  return places;
+}
+
+double SurfaceCompliance::between(const Place& moved, const Place& pushed) const {
+  return (*this)(moved.component, pushed.component, nearest(moved.x, pushed.x, nx_),
+                 nearest(moved.z, pushed.z, nz_));
+}
+
+Eigen::MatrixXd SurfaceCompliance::among(const std::vector<std::size_t>& unknowns) const {
+  const std::vector<Place> places = places_of(unknowns);
+  Eigen::MatrixXd s(unknowns.size(), unknowns.size());
+  for (std::size_t b = 0; b < places.size(); ++b)
+    for (std::size_t a = b; a < places.size(); ++a) {
+      const auto i = static_cast<Eigen::Index>(a), j = static_cast<Eigen::Index>(b);
+      s(i, j) = s(j, i) = between(places[a], places[b]);
+    }
   return s;
 }
 
 Eigen::MatrixXd SurfaceCompliance::between(const std::vector<std::size_t>& moved,
-                                           const std::vector<std::size_t>& pushed, std::size_t nx,
-                                           std::size_t nz) const {
-  const std::vector<SurfacePlace> to = places_of(moved, nx, nz), from = places_of(pushed, nx, nz);
+                                           const std::vector<std::size_t>& pushed) const {
+  const std::vector<Place> to = places_of(moved), from = places_of(pushed);
   Eigen::MatrixXd s(moved.size(), pushed.size());
   for (std::size_t b = 0; b < from.size(); ++b)
     for (std::size_t a = 0; a < to.size(); ++a)
-      s(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) =
-          (*this)(to[a].component, from[b].component, nearest(to[a].x, from[b].x, nx),
-                  nearest(to[a].z, from[b].z, nz));
+      s(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) = between(to[a], from[b]);
   return s;
 }
 
 Eigen::VectorXd SurfaceCompliance::times(const std::vector<std::size_t>& unknowns,
-                                         const Eigen::VectorXd& force_n, std::size_t nx, std::size_t nz,
-                                         std::size_t first, std::size_t count) const {
-  const std::size_t columns = nx * nz;
-  Eigen::VectorXd out = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count * columns));
+                                         const Eigen::VectorXd& force_n, std::size_t first,
+                                         std::size_t count) const {
+  const std::vector<Place> pushed = places_of(unknowns);
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count * nx_ * nz_));
   for (std::size_t u = 0; u < unknowns.size(); ++u) {
-    const std::size_t from = unknowns[u], q = from / columns;
     const double force = force_n[static_cast<Eigen::Index>(u)];
+    double* to = out.data();
     for (std::size_t p = first; p < first + count; ++p)
-      for (std::size_t k = 0; k < nz; ++k) {
-        const long dz = nearest(k, from % columns / nx, nz);
-        double* row = out.data() + ((p - first) * nz + k) * nx;
-        for (std::size_t i = 0; i < nx; ++i) row[i] += force * (*this)(p, q, nearest(i, from % nx, nx), dz);
+      for (std::size_t k = 0; k < nz_; ++k) {
+        const long dz = nearest(k, pushed[u].z, nz_);
+        for (std::size_t i = 0; i < nx_; ++i)
+          *to++ += force * (*this)(p, pushed[u].component, nearest(i, pushed[u].x, nx_), dz);
       }
   }
   return out;
@@ -158,7 +156,7 @@ SurfaceCompliance wide_surface(const SolidGrid& grid, const LayeredTissue& tissu
       for (std::size_t kx = 0; kx <= wide.nx / 2; ++kx)
         symbol[(e * (wide.nz / 2 + 1) + kz) * pitch + kx] *=
             left(kx, wide.nx, wide.spacing_x_m) * left(kz, wide.nz, wide.spacing_z_m);
-  return {wide.nx, wide.nz, symbol, pitch, grid.nx / 2, grid.nz / 2};
+  return {grid.nx, grid.nz, symbol, pitch, wide.nx, wide.nz};
 }
 
 }  // namespace teletact::service

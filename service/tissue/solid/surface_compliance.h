@@ -12,25 +12,27 @@ namespace teletact::service {
 
 class SurfaceCompliance {
  public:
-  // From the transformed compliance of a block, [6][kz = 0 .. nz/2][pitch] (row_symbol), up to offsets of
-  // max_x and max_z nodes, at most half of the block's.
+  // Of a block of nx x nz columns: from the transformed compliance, [6][kz = 0 .. wide_z/2][pitch]
+  // (row_symbol), of one that is at least as wide, up to offsets of half of the former.
   SurfaceCompliance(std::size_t nx, std::size_t nz, const std::vector<double>& symbol, std::size_t pitch,
-                    std::size_t max_x, std::size_t max_z);
+                    std::size_t wide_x, std::size_t wide_z);
   // Displacement of component p under a unit force of component q, the first `dx`, `dz` nodes from the other.
   double operator()(std::size_t p, std::size_t q, long dx, long dz) const;
-  // Among unknowns of the surface of an nx x nz block (SurfacePatch), each pair by the nearest of the
-  // period's copies.
-  Eigen::MatrixXd among(const std::vector<std::size_t>& unknowns, std::size_t nx, std::size_t nz) const;
+  // Among unknowns of the surface (SurfacePatch), each pair by the nearest of the period's copies.
+  Eigen::MatrixXd among(const std::vector<std::size_t>& unknowns) const;
   // Of these unknowns under forces of those, the same way.
-  Eigen::MatrixXd between(const std::vector<std::size_t>& moved, const std::vector<std::size_t>& pushed,
-                          std::size_t nx, std::size_t nz) const;
+  Eigen::MatrixXd between(const std::vector<std::size_t>& moved,
+                          const std::vector<std::size_t>& pushed) const;
   // Displacement of components first ... first + count - 1 of the whole surface, [component][z][x], under
   // forces of some of its unknowns.
   Eigen::VectorXd times(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& force_n,
-                        std::size_t nx, std::size_t nz, std::size_t first, std::size_t count) const;
+                        std::size_t first, std::size_t count) const;
 
  private:
-  std::size_t max_x_, max_z_;
+  struct Place;
+  std::vector<Place> places_of(const std::vector<std::size_t>& unknowns) const;
+  double between(const Place& moved, const Place& pushed) const;
+  std::size_t nx_, nz_;
   std::vector<double> table_;  // [xx, xy, xz, yy, yz, zz][z][x]
 };
 

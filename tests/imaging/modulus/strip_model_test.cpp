@@ -48,15 +48,15 @@ TEST(StripModel, AgreesWithTheElasticitySolver) {
     for (std::size_t j = 5; j < 12; ++j) material.youngs_modulus_pa[g.element(i, j)] = 50e3;
   ElasticitySolverOptions options;
   options.prescribed.assign(g.dofs(), 0);
-  std::vector<double> push(g.dofs(), 0.0), u(g.dofs(), 0.0);
+  std::vector<double> push(g.dofs(), 0.0);
   for (std::size_t i = 0; i < g.nx(); ++i) {
     if (g.x_m[i] < -1e-9 || g.x_m[i] > kWidthM + 1e-9) continue;
     options.prescribed[2 * g.node(i, 0) + 1] = 1;
     push[2 * g.node(i, 0) + 1] = 1;
   }
-  ElasticitySolver solver(imaging_device(), g, Supports{}, options);
-  solver.set_material(material);
-  ASSERT_TRUE(solver.solve(1, {}, push, u).converged);
+  ElasticitySolver solver(imaging_device(), g, Supports{}, material, options);
+  std::vector<double> u = push;
+  ASSERT_TRUE(solver.solve(1, {}, u).converged);
   const std::vector<double> forces = solver.nodal_forces(1, u);
   double force = 0;
   for (std::size_t d = 0; d < g.dofs(); ++d) force += push[d] * forces[d];

@@ -228,7 +228,7 @@ Answer Touching::touch(double x_m, double y_m) {
 Answer Touching::touch_iteratively(double x_m, double indentation_m) {
   const service::TissueModel& model = service::tissue_of(*product_->scene->snapshot()->windows.front());
   constexpr std::size_t kSurface = 0;
-  return contact_of(service::solve_contact(model.problem(), kSurface, *model.iterative(kSurface, device()),
+  return contact_of(service::solve_contact(model.problem(), kSurface, *model.compliance(kSurface, device()),
                                            product_->tip, {x_m, indentation_m}));
 }
 
