@@ -94,12 +94,11 @@ struct HostBytes {
 
 // Maps on the image grid, and meanwhile what they are read from the device as and the blocks of the direct
 // modulus (T3.2), which the iterative one starts from: four of ny^2 for each column of nodes, 1 mm apart.
-HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in, const ElastographyOptions& options) {
+HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in) {
   constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMaxRows = 200;
   const double width_m = static_cast<double>(frame.line_count) * in.geometry.line_pitch_m,
                depth_m = static_cast<double>(frame.sample_count) * in.geometry.sample_pitch_m();
-  const DisplacementOptions& o = options.displacement;
-  const double nodes = (width_m / o.grid_dx_m + 2) * (depth_m / o.grid_dy_m + 2);
+  const double nodes = (width_m / kGridDxM + 2) * (depth_m / kGridDyM + 2);
   const double rows = std::min(kMaxRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
   const ModulusKind method = in.modulus.kind.value_or(ModulusKind::kIterative);  // the most
@@ -218,7 +217,7 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
     });
   validate(pre, post, in.geometry);
   DisplacementEstimator::require_fits(pre, in.geometry, options_.displacement);
-  const HostBytes bytes = host_bytes(pre, in, options_);
+  const HostBytes bytes = host_bytes(pre, in);
   Estimate e;
   e.held = std::make_shared<const Charge>(queue_.account().charge(Place::kHost, "estimates", bytes.maps));
   const Charge working = queue_.account().charge(Place::kHost, "estimating", bytes.working);

@@ -21,7 +21,6 @@
 #include "service/imaging/tracking/displacement.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/measured.h"
-#include "service/imaging/tracking/quality.h"
 #include "service/imaging/tracking/strain.h"
 
 namespace teletact::service {

@@ -12,7 +12,6 @@ namespace {
 // The gradients of data_term in refinement.cl.
 constexpr double kAxial[] = {-1.0 / 60, 0.15, -0.75, 0, 0.75, -0.15, 1.0 / 60};
 constexpr double kLateral[] = {1.0 / 12, -2.0 / 3, 0, 2.0 / 3, -1.0 / 12};
-constexpr double kPassEdge = 0.30, kStopEdge = 0.36;  // of the sampling frequency
 
 // r at signed lags.
 class Lags {

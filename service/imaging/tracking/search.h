@@ -22,8 +22,8 @@ static_assert(sizeof(SearchWindow) == 4 * sizeof(int));
 struct SearchLags {
   int first = 0, chunks = 0;                              // axial lags first .. first + 8 chunks - 1
   int first_lateral = 0, lateral_step = 1, laterals = 0;  // lateral lags, lines
-  float min_reach = 0, reach_slope = 0;                 // of axial ones, samples: least + slope * sample
-  float lateral_min = 0, lateral_slope = 0;             // lines: or slope * distance from the middle
+  float min_reach = 0, reach_slope = 0;                   // of axial ones, samples: least + slope * sample
+  float lateral_min = 0, lateral_slope = 0;               // lines: or slope * distance from the middle
 };
 static_assert(sizeof(SearchLags) == 9 * sizeof(int));
 
@@ -39,7 +39,7 @@ struct SearchLevel {
 
 struct SearchPlan {
   // Throws std::invalid_argument where the coarse search would not fit in memory. Reads no sample.
-  SearchPlan(const RfFrame&, const AcquisitionGeometry&, const DisplacementOptions&);
+  SearchPlan(const RfFrame&, const AcquisitionGeometry&, double max_strain);
   int samples, lines;
   double sample_pitch_m, line_pitch_m, max_strain;
   SearchLevel coarse, fine;
