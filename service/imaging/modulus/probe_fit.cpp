@@ -9,7 +9,6 @@
 
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/modulus.h"
-#include "service/imaging/modulus/strain_fit.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -40,7 +39,7 @@ constexpr double kWellExplained = 0.08;  // of the strain, unexplained: nothing 
 constexpr double kBetterBy = 0.7;        // another explanation must leave so much of what is left
 constexpr double kSidesBetterBy = 0.85;  // of a hundred places that differ: ln of the odds is 16
 constexpr double kGradedBetterBy = 0.85;
-// Of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
+// Change of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
 constexpr double kNotedGrading = 0.2, kMaxGrading = 1.1;
 constexpr double kNoWorse = 1.25;  // what leaves so much of the strain may as well be true
 
@@ -56,17 +55,10 @@ double top_of(const Measured& m) {
   throw NoCompression("no depth of the image was tracked over half of its width; press further");
 }
 
-double measured_lateral_ratio(const Measured& m) {
-  std::vector<float> lateral, axial;
-  for (std::size_t n = 0; n < m.grid.size(); ++n)
-    if (m.strain_valid[n]) lateral.push_back(m.lateral_strain[n]), axial.push_back(m.axial_strain[n]);
-  return axial.empty() ? 0 : -median(lateral) / median(axial);
-}
-
-// What is left of the strain, where the modulus may change with depth as it does in tissue.
+// The unexplained part of the strain, where the modulus may change with depth as it does in tissue.
 double left(const ProbeFit& fit) {
   return std::abs(fit.grading) < kMaxGrading ? std::min(fit.rest, fit.graded_rest / kGradedBetterBy)
-                                              : fit.rest;
+                                             : fit.rest;
 }
 
 // ln E of homogeneous tissue that bears 1 N so and strains as was measured.
@@ -92,7 +84,7 @@ double least(double low, double high, int steps, double usual, const auto& f) {
   return at;
 }
 
-// Of ln E of the cells, what one deviation of an unknown changes that was varied by kVary; `usual`: how well
+// The change of ln E of the cells by one deviation of an unknown that was varied by kVary; `usual`: how well
 // it is known beforehand. An absolute modulus changes as the strain that goes with a force does, a relative
 // one as the strain beside its mean.
 VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, bool absolute) {
@@ -105,10 +97,11 @@ VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, boo
     by[c] = std::log(varied.homogeneous[c] / found.homogeneous[c]) / kVary;
     sum += found.measured.observed[c] * by[c], observed += found.measured.observed[c];
   }
-  const double mean = sum / std::max(observed, 1.0), of_force = std::log(varied.force_n / found.force_n) / kVary;
+  const double mean = sum / std::max(observed, 1.0),
+               of_force = std::log(varied.force_n / found.force_n) / kVary;
   const CellGrid& cells = found.tissue->cells();
-  const double squares = found.measured.observed.dot((by.array() - mean).square().matrix()) * cells.spacing_m *
-                         cells.row_m / kAlikeM2;
+  const double squares = found.measured.observed.dot((by.array() - mean).square().matrix()) *
+                         cells.spacing_m * cells.row_m / kAlikeM2;
   by.array() -= absolute ? of_force : mean;
   return by / std::sqrt(squares / squared(found.rest) + 1 / squared(usual));
 }
@@ -185,7 +178,7 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block,
   return out;
 }
 
-// What is fitted: ln of the face's length across the image, and of the tissue's depth.
+// The unknowns: ln of the face's length across the image, and of the tissue's depth.
 struct ProbeFitter::Unknown {
   bool elevation, depth;
   double log_elevation, log_depth;
@@ -274,7 +267,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
   if (stated.face.image_depth_m < kDeepestBlockM) {
     ProbeFace as_wide = out.face;
     as_wide.beside_m = 0;
-    const double ratio = measured_lateral_ratio(pair.measured);
+    const double ratio = lateral_ratio(pair.measured).value_or(0);
     ProbeFit block = tried(pair, as_wide, true);
     if (considered(block) < (ratio > kBlockRatio ? 1 : kBetterBy) * to_beat()) {
       block.words = fmt::format(

@@ -16,7 +16,7 @@
 
 namespace teletact::service {
 
-// What the probe does when it pushes its face down by 1 m (linear, so any unit).
+// Answer of the strip to a face that is pushed down by 1 m (linear, so any unit).
 struct StripResponse {
   std::vector<double> stress;        // E eps_yy at the centre of every element, Pa (< 0); eps_yy where E = 1
   std::vector<double> displacement;  // [dof], 1 under the probe

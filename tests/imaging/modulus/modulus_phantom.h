@@ -102,10 +102,10 @@ class Phantom {
     const auto strips = std::make_shared<StripCache>();
     const auto method = kind == ModulusKind::kReferenceStress ? make_reference_stress(queue_, {}, strips)
                         : kind == ModulusKind::kDirect        ? make_direct(queue_, {}, strips)
-                                                              : make_iterative(queue_, {}, {}, strips);
+                                                              : make_iterative(queue_, strips);
     const ModulusInput in = input();
     ModulusEstimate out = method->estimate(in);
-    ModulusJudge(strips).judge(in, out);
+    judge(in, *strips, out);
     return out;
   }
 
