@@ -277,7 +277,8 @@ void pressure(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) 
           100 * off, in.tissue.poisson_ratio));
 }
 
-// A wrong force scales the whole map; only other windows can tell.
+// Median of log(E / known) over both deviations (T3.4). A wrong force scales the whole map; only other
+// windows can tell.
 void scale(const ModulusInput& in, ModulusEstimate& out) {
   if (!out.absolute || !in.known) return;
   double worst = 0, shift = 0;

@@ -72,12 +72,11 @@ class ProbeFitter {
   struct Rival {
     double left, log_scale;
   };
-  void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late,
-             std::vector<Rival>&);
+  void try_others(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late,
+                  std::vector<Rival>&);
   // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
   // it, which is used where it has the same cells.
-  ProbeFit tried(const Pair&, const ProbeFace&, bool block, const Eigen::VectorXd* by_tilt = nullptr);
-  ProbeFit tried(const Pair&, const Unknown&, const Eigen::VectorXd* by_tilt = nullptr);
+  ProbeFit tried(const Pair&, const ProbeFace&, const Eigen::VectorXd* by_tilt = nullptr, bool block = false);
   Queue queue_;
   StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;

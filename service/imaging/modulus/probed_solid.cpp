@@ -279,7 +279,8 @@ class ProbedSolid : public ProbedTissue {
     return places;
   }
 
-  // The one that differs more from the background changes to the other with the square of the way from it.
+  // The one that differs more from the background changes to the other with the square of the way from it
+  // (T3.9).
   static VectorXd between(const VectorXd& before, const VectorXd& after, double way) {
     const double to_after = way * way, to_before = (1 - way) * (1 - way);
     return (before.array().abs() > after.array().abs())

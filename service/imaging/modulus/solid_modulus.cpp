@@ -193,11 +193,12 @@ class SolidModulusMethod : public ModulusMethod {
       tilt_deviation = at.tilt_deviation * std::sqrt(kAlikeM2 / (cells.spacing_m * cells.row_m));
       residual += (tilt - before) * fit.by_tilt;
       const double level = level_of(residual, observed);
-      const VectorXd pseudo =
+      const VectorXd pseudo =  // log E + 1.4 (log S eps[E] - log eps), T3.6
           (theta + kOverstep * (residual.array() - level).matrix()).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
-      const bool first = out.iterations == 0;
-      VectorXd next =
-          denoise(pseudo, observed / kOverstep, first ? VectorXd(filled(pseudo, observed)) : theta);
+      // Unobserved cells begin at the background.
+      const VectorXd start =
+          out.iterations == 0 ? VectorXd((observed.array() > 0).select(pseudo, 0.0)) : theta;
+      VectorXd next = denoise(pseudo, observed / kOverstep, start);
       moved = next - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       theta = std::move(next);
@@ -272,10 +273,6 @@ class SolidModulusMethod : public ModulusMethod {
     for (Index c = 0; c < theta.size(); ++c)
       if (observed[c] > 0 && strain[c] > 0) residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
     return response.force_n * std::exp(-level_of(residual, observed)) / fit.tissue->force_share();
-  }
-
-  static VectorXd filled(const VectorXd& v, const VectorXd& observed) {
-    return (observed.array() > 0).select(v, 0.0);
   }
 
   static double level_of(const VectorXd& residual, const VectorXd& observed) {

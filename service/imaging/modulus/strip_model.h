@@ -53,7 +53,8 @@ class StripModel {
   // How the displacement changes with the modulus, by the factor of the latest solve(), whose response is
   // `at`:
   //   change: K^-1 (- sum_e change_pa_e K_e u_e), [dof], 0 where the displacement is prescribed
-  //   sensitivity: per element - (K^-1 load) . K_e u_e, the derivative of load . u by its modulus (adjoint)
+  //   sensitivity (T3.3): per element - (K^-1 load) . K_e u_e, the derivative of load . u by its modulus
+  //   (adjoint)
   std::vector<double> change(const StripResponse& at, const std::vector<double>& change_pa);
   std::vector<double> sensitivity(const StripResponse& at, const std::vector<double>& load);
   // change() with E of each group of elements grown alike by 1 (of log E): the axial displacement, [node]

@@ -1,7 +1,7 @@
 // How the noise of a displacement estimate and of what is computed from it follows from the information that
-// the pixels hold: local Fourier analysis. The estimator is taken for a filter with the wave-number response
-// T(k) of a place where everything is as it is here, so that a linear functional with response S(k) has the
-// variance
+// the pixels hold (T2.3c): local Fourier analysis. The estimator is taken for a filter with the wave-number
+// response T(k) of a place where everything is as it is here, so that a linear functional with response S(k)
+// has the variance
 //   1 / (2 pi)^2  Int |S T|^2 / (h m) dk,
 // h the information of a node (1 / variance), m(k) the share of it that hat functions leave at wave number k
 // (neighbouring nodes share pixels). Wave numbers in radians per node. No boundary: a node at the border

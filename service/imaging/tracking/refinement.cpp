@@ -153,7 +153,8 @@ void Refinement::find_medians() {
   }
 }
 
-// Smoothing lengths from the median information and strain, and the weights of the edges that belong to them.
+// Smoothing lengths l from the median information and strain, and the weights of the edges, w = h l^2 /
+// spacing^2 (T2.3).
 void Refinement::weigh(const Array<float>& field) {
   const SampleGrid& g = grid_;
   kernels_->local_gradient(over(g.nodes()), field, gradient_, g.nx, g.ny, kGradientRadius, kGradientRadius);

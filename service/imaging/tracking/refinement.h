@@ -45,8 +45,8 @@ class Refinement {
   Refinement(const Queue&, const PcgOptions&, const SampleGrid&, double line_pitch_m, double sample_pitch_m);
   ~Refinement();
   // Reads a motion-compensated pair: noise, correlation per node (-2: no texture) and information; robust:
-  // pixels far off weigh less, and what companding makes of the pulse is taken off the noise
-  // (kernels/pulse.cl).
+  // pixels far off weigh less, and what companding makes of the pulse is taken off the noise (T2.3d,
+  // kernels/pulse.cl).
   Autocorrelations measure(const ImagePair&, bool robust, Array<float>& correlation);
   // From what was measured last: out = field + correction, at most `lateral_limit` lines and `axial_limit`
   // samples. `last`: no other step follows.

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "service/device/cancellation.h"
-#include "service/imaging/tracking/path_search.h"
 #include "service/imaging/tracking/sample_grid.h"
 
 namespace teletact::service {
@@ -116,7 +115,8 @@ Search::Search(const Queue& queue, const SearchPlan& plan, const Padding& paddin
   fine_volume_ = queue_.array<float>(plan_.fine.volume());
 }
 
-// `volume`: correlations of the windows around the level's nodes.
+// sum pre post / sqrt(sum pre^2 sum post^2) over the window around each node, for every lag (T2.1), into
+// `volume`.
 void Search::correlate(SearchKernels& kernels, const SearchLevel& level, const Array<float>& pre,
                        const Array<float>& post, Array<float>& volume) {
   const SampleGrid& g = level.grid;

@@ -21,6 +21,7 @@ StrainEstimator::StrainEstimator(Queue queue, StrainOptions options)
 StrainEstimate StrainEstimator::estimate(const DisplacementEstimate& displacement, const ImageGrid& grid) {
   StrainEstimate out{queue_.array<float>(4 * grid.size()), queue_.array<std::uint8_t>(grid.size()),
                      queue_.array<float>(3 * grid.size())};
+  // Slopes of the least-squares plane over the kernel (T2.4).
   const int half_columns = half_width(options_.kernel_lateral_m, grid.dx_m),
             half_rows = half_width(options_.kernel_axial_m, grid.dy_m);
   kernel_(over(grid.size()), displacement.field_m, displacement.trusted, out.tensor, out.trusted,
