@@ -1,8 +1,6 @@
 // The direct modulus (T3.2) in five steps: reference stress (T3.1) -> forward solve with it -> strain on the
 // nodes, axial slopes measured, lateral ones from the forward solve -> adjoint-weighted equation -> scale by
 // the force. Then again from the forward solve on, with the map so found.
-#include <fmt/format.h>
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -64,11 +62,10 @@ class Direct : public ModulusMethod {
       change = then;
     }
     if (static_cast<double>(map.streaks) > kStreaks * static_cast<double>(nodes.size()))
-      map.estimate.warn(
-          ModulusFlag::kStreaks,
-          fmt::format("{} % of the window is hardly strained or gave no positive modulus: nothing is "
-                      "said there, and streaks may cross what is beside it",
-                      100 * map.streaks / nodes.size()));
+      map.estimate.warn(ModulusFlag::kStreaks,
+                        "{} % of the window is hardly strained or gave no positive modulus: nothing is said "
+                        "there, and streaks may cross what is beside it",
+                        100 * map.streaks / nodes.size());
     return std::move(map.estimate);
   }
 

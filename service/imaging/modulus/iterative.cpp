@@ -103,17 +103,16 @@ class Iterative : public ModulusMethod {
 
   void publish(const ModulusInput& in, const StripModel& model, ModulusProblem& problem,
                const ModulusProblem::Point& best, ModulusEstimate& out) const {
-    if (!out.converged) out.warn(ModulusFlag::kDeadline, unsettled(out.iterations));
+    if (!out.converged) out.warn(ModulusFlag::kDeadline, "{}", unsettled(out.iterations));
     if (out.iterations == 0) {
       out.kind = ModulusKind::kDirect;
       return;
     }
     if (best.fit.mean_square > kLargestMisfit)
-      out.warn(
-          ModulusFlag::kMisfit,
-          fmt::format("no modulus explains the displacement: it is off by {} standard deviations (rms); the "
-                      "extent, the plane condition or the probe's contact may not be as stated",
-                      std::lround(std::sqrt(best.fit.mean_square))));
+      out.warn(ModulusFlag::kMisfit,
+               "no modulus explains the displacement: it is off by {} standard deviations (rms); the extent, "
+               "the plane condition or the probe's contact may not be as stated",
+               std::lround(std::sqrt(best.fit.mean_square)));
     const double scale = force_scale(in, best.response.force_n_per_m, best.fit.amplitude);
     const Field map = model.on_image(problem.modulus(best.theta), in.measured.grid);
     for (std::size_t n = 0; n < map.size(); ++n)

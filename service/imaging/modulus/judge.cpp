@@ -1,7 +1,5 @@
 #include "service/imaging/modulus/judge.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
@@ -20,10 +18,11 @@ namespace {
 
 constexpr double kMaxUntracked = 0.10;  // part of the image inside the tissue
 constexpr double kMaxDeviation = 0.25;  // median standard deviation of log E
-constexpr double kMaxExtent = 0.14;     // part of the window that is no background, beyond what 15 mm show
 constexpr double kMaxRamp = 1.25;       // of the background's modulus from one end of the window to the other
 constexpr double kMaxLateralRatio = 0.25;  // of - eps_xx / eps_yy, from what the plane assumption says
 constexpr double kMaxPressure = 0.10;  // of log E when nu is off by 0.01, which is how well tissue's is known
+// Part of the window that is no background, beyond what inclusions of 15 mm show.
+constexpr double kMaxExtent = 0.14;
 // Median difference of log E from what other windows told, in deviations of both together.
 constexpr double kMaxDisagreement = 3;
 constexpr double kBackgroundLog = 0.4;  // of log E, about the ramp: what it is judged by
@@ -208,10 +207,9 @@ double deviation(const ModulusInput& in, ModulusEstimate& out) {
   }
   if (const float typical = said.empty() ? 0 : median(said); typical > kMaxDeviation)
     out.warn(ModulusFlag::kNoise,
-             fmt::format(
-                 "the modulus is uncertain by {:.0f} % (median): the strain is noisy; press further between "
-                 "the frames",
-                 100 * typical));
+             "the modulus is uncertain by {:.0f} % (median): the strain is noisy; press further between the "
+             "frames",
+             100 * typical);
   return mean_square(with_posterior && telling ? posterior : out.log_deviation);
 }
 
@@ -225,22 +223,19 @@ void untracked(const ModulusInput& in, ModulusEstimate& out) {
   }
   if (without > kMaxUntracked * inside)
     out.warn(ModulusFlag::kUntracked,
-             fmt::format(
-                 "{:.0f} % of the image could not be tracked (low correlation): nothing is said there, and "
-                 "the modulus beside it leans on the model",
-                 100 * without / inside));
+             "{:.0f} % of the image could not be tracked (low correlation): nothing is said there, and the "
+             "modulus beside it leans on the model",
+             100 * without / inside);
 }
 
 void ramp(const ModulusInput& in, ModulusEstimate& out) {
   const Eigen::Vector3d plane = background_plane(in, out);
   const double across = std::exp(std::abs(plane[1])), down = std::exp(std::abs(plane[2]));
   if (std::max(across, down) > kMaxRamp)
-    out.warn(
-        ModulusFlag::kRamp,
-        fmt::format(
-            "the background's modulus ramps by a factor of {:.2f} across and {:.2f} down the window: the "
-            "probe may be tilted or touch in part, or the tissue's extent be another than stated",
-            across, down));
+    out.warn(ModulusFlag::kRamp,
+             "the background's modulus ramps by a factor of {:.2f} across and {:.2f} down the window: the "
+             "probe may be tilted or touch in part, or the tissue's extent be another than stated",
+             across, down);
 }
 
 void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
@@ -248,14 +243,12 @@ void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
   const double nu = in.tissue.poisson_ratio;
   const double expected = out.lateral_ratio.value_or(in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu);
   if (ratio && std::abs(*ratio - expected) > kMaxLateralRatio)
-    out.warn(
-        ModulusFlag::kOutOfPlane,
-        fmt::format(
-            "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it moves "
-            "across the image plane, or nu or the plane condition is another; the modulus is off by a "
-            "third to twofold{}",
-            *ratio, expected,
-            in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID"));
+    out.warn(ModulusFlag::kOutOfPlane,
+             "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it moves "
+             "across the image plane, or nu or the plane condition is another; the modulus is off by a third "
+             "to twofold{}",
+             *ratio, expected,
+             in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID");
 }
 
 // |d log P / d nu| x 0.01 (T3.4). Near nu = 1/2 the tissue carries the push by pressure as far as it cannot
@@ -268,13 +261,11 @@ void pressure(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) 
   const double off = kPoissonError * std::abs(strips.get(in.tissue, in.window_width_m)->log_force_slope);
   if (!(off > kMaxPressure)) return;
   widen(out.log_deviation, off);
-  out.warn(
-      ModulusFlag::kPressure,
-      fmt::format(
-          "the tissue is confined and nearly incompressible: pressure carries the probe's force, which the "
-          "displacement does not show, and the modulus changes by {:.0f} % when the Poisson ratio "
-          "({:.4g}) is off by 0.01",
-          100 * off, in.tissue.poisson_ratio));
+  out.warn(ModulusFlag::kPressure,
+           "the tissue is confined and nearly incompressible: pressure carries the probe's force, which the "
+           "displacement does not show, and the modulus changes by {:.0f} % when the Poisson ratio ({:.4g}) "
+           "is off by 0.01",
+           100 * off, in.tissue.poisson_ratio);
 }
 
 // Median of log(E / known) over both deviations (T3.4). A wrong force scales the whole map; only other
@@ -291,12 +282,10 @@ void scale(const ModulusInput& in, ModulusEstimate& out) {
   }
   if (!(worst > kMaxDisagreement)) return;
   widen(out.log_deviation, shift);
-  out.warn(
-      ModulusFlag::kScale,
-      fmt::format(
-          "the modulus is {:.2f} times what was found before beside this window or in it, {:.1f} standard "
-          "deviations: one of the probe's two forces is wrong, or its contact was not whole",
-          std::exp(shift), worst));
+  out.warn(ModulusFlag::kScale,
+           "the modulus is {:.2f} times what was found before beside this window or in it, {:.1f} standard "
+           "deviations: one of the probe's two forces is wrong, or its contact was not whole",
+           std::exp(shift), worst);
 }
 
 // A lump that fills much of the window comes back short, least so where it is taken for background. Where a
@@ -316,12 +305,10 @@ void extent(const ModulusInput& in, ModulusEstimate& out) {
         std::hypot(out.log_deviation[n],
                    kOfExtent * beyond * std::clamp(1.5 * from[n] / error.off_log - 0.5, 0.0, 1.0)));
   if (beyond > kMaxExtent)
-    out.warn(
-        ModulusFlag::kExtent,
-        fmt::format(
-            "{:.0f} % of the window differ from its background: what fills so much of it comes back with "
-            "too little contrast, and the background is off with it",
-            100 * off));
+    out.warn(ModulusFlag::kExtent,
+             "{:.0f} % of the window differ from its background: what fills so much of it comes back with "
+             "too little contrast, and the background is off with it",
+             100 * off);
 }
 
 // A solid that no model explains, or whose face touches in part, may be off by a factor anywhere, and alike

@@ -2,6 +2,8 @@
 // direct (T3.2), iterative (T3.3), solid (T3.6).
 #pragma once
 
+#include <fmt/format.h>
+
 #include <functional>
 #include <memory>
 #include <optional>
@@ -75,7 +77,10 @@ struct ModulusEstimate {
   std::optional<double> lateral_ratio;  // - eps_xx / eps_yy of the model; else of its plane condition
   std::string model;                    // what was assumed and fitted of the tissue; empty: what was stated
   std::string why;                      // how the method was chosen, in words; empty: it was named
-  void warn(ModulusFlag flag, std::string text) { warnings.push_back({flag, std::move(text)}); }
+  template <class... Args>
+  void warn(ModulusFlag flag, fmt::format_string<Args...> words, Args&&... args) {
+    warnings.push_back({flag, fmt::format(words, std::forward<Args>(args)...)});
+  }
 };
 
 // The pair shows less strain than can be measured.

@@ -114,21 +114,17 @@ class SolidModulusMethod : public ModulusMethod {
     if (fit.hurried)
       out.warn(ModulusFlag::kDeadline,
                "the probe's elevation or the tissue's depth was not stated, and there was no time to fit it: "
-               "it is "
-               "taken as usual; state it, or give more time");
+               "it is taken as usual; state it, or give more time");
     if (fit.undoubted)
-      out.warn(
-          ModulusFlag::kDeadline,
-          fmt::format(
-              "{:.0f} % of the strain is unexplained, and there was no time to try all of another depth, "
-              "tissue that ends beside the probe, and one that slides; give more time",
-              100 * fit.rest));
+      out.warn(ModulusFlag::kDeadline,
+               "{:.0f} % of the strain is unexplained, and there was no time to try all of another depth, "
+               "tissue that ends beside the probe, and one that slides; give more time",
+               100 * fit.rest);
     if (fit.rest > kMaxRest)
-      out.warn(
-          ModulusFlag::kMisfit,
-          fmt::format("neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it "
-                      "looks homogeneous; check the probe's size and the tissue's depth and support",
-                      100 * fit.rest));
+      out.warn(ModulusFlag::kMisfit,
+               "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it looks "
+               "homogeneous; check the probe's size and the tissue's depth and support",
+               100 * fit.rest);
     const Found found = find(in, fit, beside, out);
     const double log_scale = in.force ? std::log(in.force->force_n / found.force_n) : 0;
     publish(in, fit, found, log_scale, out);
@@ -169,10 +165,10 @@ class SolidModulusMethod : public ModulusMethod {
     while (out.iterations < kMaxSteps) {
       const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
       if (out.iterations > 0 && left_s <= (1 + solves_after()) * took_s) {
-        out.warn(ModulusFlag::kDeadline,
-                 fmt::format("the modulus of the solid was stopped by its time limit after {} "
-                             "steps, before it had settled",
-                             out.iterations));
+        out.warn(
+            ModulusFlag::kDeadline,
+            "the modulus of the solid was stopped by its time limit after {} steps, before it had settled",
+            out.iterations);
         break;
       }
       check_cancelled();
@@ -208,24 +204,22 @@ class SolidModulusMethod : public ModulusMethod {
       if (out.converged) break;
     }
     if (std::abs(tilt) > kMaxUneven)
-      out.warn(
-          ModulusFlag::kMisfit,
-          fmt::format("the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to "
-                      "touch in part, and the modulus is off by a factor; press it flat",
-                      100 * std::abs(tilt), tilt > 0 ? "left" : "right"));
+      out.warn(ModulusFlag::kMisfit,
+               "the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to touch "
+               "in part, and the modulus is off by a factor; press it flat",
+               100 * std::abs(tilt), tilt > 0 ? "left" : "right");
     const bool stiff = theta.maxCoeff() > kStiffLog;
     if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, observed, beside);
     if (stiff) {
       const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, observed, beside);
       if (found.force_n > kMaxOfStiff * without_n)
-        out.warn(ModulusFlag::kMisfit,
-                 fmt::format(
-                     "the force would be {:.1f} times as large for places that hardly strain, over {:.0f} % "
-                     "of the window: there the face seems not to touch, and the modulus is off by a "
-                     "factor; press it flat",
-                     found.force_n / without_n,
-                     100 * static_cast<double>((theta.array() > kStiffLog).count()) /
-                         static_cast<double>(theta.size())));
+        out.warn(
+            ModulusFlag::kMisfit,
+            "the force would be {:.1f} times as large for places that hardly strain, over {:.0f} % of the "
+            "window: there the face seems not to touch, and the modulus is off by a factor; press it flat",
+            found.force_n / without_n,
+            100 * static_cast<double>((theta.array() > kStiffLog).count()) /
+                static_cast<double>(theta.size()));
     }
     found.deviation = denoise.deviation(observed, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;

@@ -58,8 +58,7 @@ std::optional<std::string> contradicted_frequency(const RfFrame& pre, const Acqu
   if (!(ratio > kFrequencyRatio || ratio < 1 / kFrequencyRatio)) return std::nullopt;
   return fmt::format(
       "center_frequency_hz: {:.1f} MHz is stated, but the frames are around {:.1f} MHz if "
-      "sampling_frequency_hz is "
-      "{:.1f} MHz: one of the two is wrong, and with the latter every length",
+      "sampling_frequency_hz is {:.1f} MHz: one of the two is wrong, and with the latter every length",
       geometry.center_frequency_hz * 1e-6, found * 1e-6, geometry.sampling_frequency_hz * 1e-6);
 }
 
@@ -74,8 +73,7 @@ std::optional<std::string> contradicted_frame(const AcquisitionGeometry& geometr
            "side: PROBE?";
   if (geometry.frame == DisplacementFrame::kProbe && *top > *bottom + kMinMotionM)
     return "displacement_frame: PROBE is stated, where the probe's side rests, but it moves more than the "
-           "far "
-           "side: LAB?";
+           "far side: LAB?";
   return std::nullopt;
 }
 

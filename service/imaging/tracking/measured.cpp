@@ -62,10 +62,10 @@ double median_correlation(const Field& correlation) {
                [](float c) { return c > kUntextured; });
   if (textured.empty() ||
       static_cast<double>(textured.size()) < kMinTexturedFraction * static_cast<double>(correlation.size()))
-    throw TrackingError(TrackingError::Reason::kNoSignal,
-                        fmt::format("pre, post: {} of {} nodes show any echo; check the gain and the probe's "
-                                    "contact",
-                                    textured.size(), correlation.size()));
+    throw TrackingError(
+        TrackingError::Reason::kNoSignal,
+        fmt::format("pre, post: {} of {} nodes show any echo; check the gain and the probe's contact",
+                    textured.size(), correlation.size()));
   return median(textured);
 }
 
