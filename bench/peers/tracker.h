@@ -25,12 +25,12 @@ struct Track {
 // The product's defaults, for all.
 struct TrackerOptions {
   double max_strain = service::DisplacementOptions{}.max_strain;  // the axial search: max_strain * depth
-  double lateral_search_m = service::DisplacementOptions{}.lateral_search_m;
-  double grid_dx_m = service::DisplacementOptions{}.grid_dx_m;
-  double grid_dy_m = service::DisplacementOptions{}.grid_dy_m;
-  double window_axial_m = service::DisplacementOptions{}.window_axial_m;
-  double window_lateral_m = service::DisplacementOptions{}.window_lateral_m;
-  double min_correlation = service::DisplacementOptions{}.trusted_correlation;
+  double lateral_search_m = service::kLateralSearchM;
+  double grid_dx_m = service::kGridDxM;
+  double grid_dy_m = service::kGridDyM;
+  double window_axial_m = service::kFineWindowAxialM;
+  double window_lateral_m = service::kFineWindowLateralM;
+  double min_correlation = service::kTrustedCorrelation;
 };
 
 struct Tracker {

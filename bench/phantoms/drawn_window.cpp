@@ -65,7 +65,6 @@ double DrawnWindow::from_edge_m(std::size_t node) const {
 
 // Gaussian, of the precision that the iterative method has about the lump.
 void DrawnWindow::draw_texture(std::uint64_t seed) {
-  const service::IterativeOptions options;
   const service::StripModel model(tissue_, kWindowM);
   strip_ = model.grid();
   texture_.assign(strip_.elements(), 0.0);
@@ -79,9 +78,9 @@ void DrawnWindow::draw_texture(std::uint64_t seed) {
       theta[e] = lump(centre(strip_.x_m, i), centre(strip_.y_m, j));
       white[e] = normal(random);
     }
-  const service::TotalVariation variation(strip_, options.tv_floor_per_m);
-  Eigen::SparseMatrix<double> precision = options.tv_per_m * variation.lagged(theta);
-  precision.diagonal() += service::prior_weight(model, options);
+  const service::TotalVariation variation(strip_);
+  Eigen::SparseMatrix<double> precision = service::kTvPerM * variation.lagged(theta);
+  precision.diagonal() += service::prior_weight(model);
   const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factor(precision);
   if (factor.info() != Eigen::Success) throw std::domain_error("the prior is not positive definite");
   VectorXd drawn = factor.matrixU().solve(white);

@@ -44,7 +44,7 @@ service::Measured measured_of(const service::Queue& queue, const GivenDisplaceme
     structure->response[c] =
         service::NoiseResponse(service::SmootherResponse{1, 1, 3, 1}, kInformation, 1, 1);
     const service::DeviationTable whole = structure->response[c].table([](double, double) { return 1.0; });
-    structure->unit_m[c] = size_m[c] / static_cast<double>(whole.deviation[service::DeviationTable::kBelow]);
+    structure->unit_m[c] = size_m[c] / static_cast<double>(whole[service::kBelowMedian]);
   }
   service::DisplacementEstimate displacement;
   displacement.grid.nx = static_cast<int>(kGivenImage.nx),

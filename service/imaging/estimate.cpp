@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "service/base/choices.h"
 #include "service/device/cancellation.h"
 #include "service/device/worked.h"
 #include "service/imaging/tracking/input_checks.h"
@@ -32,7 +33,7 @@ class StageClock {
   double start_s_ = worked_s();
 };
 
-// What is left by now, of a modulus that was begun then.
+// The time that is left now for a modulus that was begun then.
 ModulusTime time_of(const ModulusChoice& choice, double begun_s) {
   ModulusTime time = choice.time ? choice.time() : ModulusTime{};
   if (!choice.time_limit_s) return time;
@@ -57,49 +58,17 @@ RfFrame texture(std::size_t samples, std::size_t lines, double stretch) {
   return frame;
 }
 
-}  // namespace
-
-Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOptions options)
-    : queue_(device->queue()),
-      strips_(std::make_shared<StripCache>()),
-      options_(options),
-      displacement_(queue_, options.displacement),
-      strain_(queue_, options.strain),
-      b_mode_(queue_) {
-  modulus_ = {make_reference_stress(queue_, options.reference_stress, strips_),
-              make_direct(queue_, options.direct, strips_),
-              make_iterative(queue_, options.iterative, options.direct, strips_),
-              make_solid(queue_, options.solid, strips_)};
-  ReferenceStressOptions uncorrected = options.reference_stress;
-  uncorrected.corrections = 0;
-  uncorrected_ = make_reference_stress(queue_, uncorrected, strips_);
-  judge_ = std::make_unique<ModulusJudge>(strips_, JudgeLimits{}, options.direct.reach);
-  if (!(options_.min_median_correlation > 0 && options_.min_median_correlation < 1))
-    throw std::invalid_argument("min_median_correlation: must be above 0 and below 1");
-}
-
-void Elastography::charge_to(const MemoryAccount& account) {
-  // What another's pair left behind is not this one's to keep.
-  if (account.client != queue_.account().client || account.budget != queue_.account().budget)
-    displacement_.forget(), modulus_[static_cast<std::size_t>(ModulusKind::kSolid)]->forget();
-  queue_.charge_to(account);
-  strips_->charge_to(account);
-}
-
-namespace {
-
 struct HostBytes {
   std::uint64_t maps, working;
 };
 
 // Maps on the image grid, and meanwhile what they are read from the device as and the blocks of the direct
 // modulus (T3.2), which the iterative one starts from: four of ny^2 for each column of nodes, 1 mm apart.
-HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in, const ElastographyOptions& options) {
+HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in) {
   constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMaxRows = 200;
   const double width_m = static_cast<double>(frame.line_count) * in.geometry.line_pitch_m,
                depth_m = static_cast<double>(frame.sample_count) * in.geometry.sample_pitch_m();
-  const DisplacementOptions& o = options.displacement;
-  const double nodes = (width_m / o.grid_dx_m + 2) * (depth_m / o.grid_dy_m + 2);
+  const double nodes = (width_m / kGridDxM + 2) * (depth_m / kGridDyM + 2);
   const double rows = std::min(kMaxRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
   const ModulusKind method = in.modulus.kind.value_or(ModulusKind::kIterative);  // the most
@@ -112,7 +81,35 @@ HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in, const Elasto
           static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
 }
 
+// The modulus is NaN exactly where nothing is said.
+void mark_valid(Estimate& e) {
+  e.valid.resize(e.grid.size());
+  std::ranges::transform(e.modulus.youngs_modulus, e.valid.begin(),
+                         [](float v) { return std::isfinite(v) ? 1 : 0; });
+  const auto valid = std::ranges::count(e.valid, std::uint8_t{1});
+  e.valid_fraction = static_cast<double>(valid) / static_cast<double>(e.grid.size());
+}
+
 }  // namespace
+
+Elastography::Elastography(const std::shared_ptr<Device>& device, ElastographyOptions options)
+    : queue_(device->queue()),
+      strips_(std::make_shared<StripCache>()),
+      search_(options.displacement),
+      displacement_(queue_, search_),
+      strain_(queue_, options.strain),
+      b_mode_(queue_),
+      modulus_{make_reference_stress(queue_, {}, strips_), make_direct(queue_, {}, strips_),
+               make_iterative(queue_, strips_), make_solid(queue_, options.strain, strips_)},
+      uncorrected_(make_reference_stress(queue_, {.corrections = 0}, strips_)) {}
+
+void Elastography::charge_to(const MemoryAccount& account) {
+  // The buffers and the tissue of another's pair are not this one's to keep.
+  if (account.client != queue_.account().client || account.budget != queue_.account().budget)
+    displacement_.forget(), modulus_[static_cast<std::size_t>(ModulusKind::kSolid)]->forget();
+  queue_.charge_to(account);
+  strips_->charge_to(account);
+}
 
 void Elastography::warm() {
   // A small and a full-sized frame, looked after: so the kernels are compiled as estimates launch them, in
@@ -135,23 +132,23 @@ void Elastography::warm() {
 void Elastography::judge_tracking(const RfFrame& pre, const RfFrame& post,
                                   const AcquisitionGeometry& geometry, Estimate& e) {
   e.median_correlation = median_correlation(e.correlation);
-  if (e.median_correlation >= options_.min_median_correlation) return;
+  if (e.median_correlation >= choices::kMinMedianCorrelation) return;
   const std::string found = fmt::format("pre, post: median correlation {:.2f} is below {:.2f}",
-                                        e.median_correlation, options_.min_median_correlation);
-  DisplacementOptions wider = options_.displacement;
+                                        e.median_correlation, choices::kMinMedianCorrelation);
+  DisplacementOptions wider = search_;
   wider.max_strain = std::min(kLargestMaxStrain, kWiderSearch * wider.max_strain);
   const DisplacementEstimate again = DisplacementEstimator(queue_, wider).estimate(pre, post, geometry);
-  if (median_correlation(queue_.read(again.correlation)) >= options_.min_median_correlation)
+  if (median_correlation(queue_.read(again.correlation)) >= choices::kMinMedianCorrelation)
     throw TrackingError(TrackingError::Reason::kBeyondSearch,
                         fmt::format("{}, but the pair can be tracked with max_strain {:.3g}: it is strained "
                                     "beyond max_strain {:.3g}; compress less, or raise it",
-                                    found, wider.max_strain, options_.displacement.max_strain));
+                                    found, wider.max_strain, search_.max_strain));
   throw TrackingError(
       TrackingError::Reason::kDecorrelated,
       fmt::format("{}; the frames are unrelated, or moved out of plane, or strained beyond "
                   "{:.3g} (searched up to that; max_strain is {:.3g}): take the pair again "
                   "with less motion{}",
-                  found, wider.max_strain, options_.displacement.max_strain,
+                  found, wider.max_strain, search_.max_strain,
                   e.input_warnings.empty() ? "" : "; but first: " + e.input_warnings.front()));
 }
 
@@ -165,17 +162,16 @@ DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post
   if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
     e.input_warnings.push_back(*text);
   if (displacement.unsolved)
-    e.input_warnings.push_back(
-        "displacement: the linear system of a refinement step was left unsolved after " +
-        std::to_string(displacement.unsolved->iterations) + " iterations (" +
-        to_string(displacement.unsolved->reason) +
-        "): the displacement is worse than its standard deviation says");
+    e.input_warnings.push_back(fmt::format(
+        "displacement: the linear system of a refinement step was left unsolved after {} iterations "
+        "({}): the displacement is worse than its standard deviation says",
+        displacement.unsolved->iterations, to_string(displacement.unsolved->reason)));
   return displacement;
 }
 
 void Elastography::set_max_strain(double max_strain) {
   displacement_.set_max_strain(max_strain);
-  options_.displacement.max_strain = max_strain;
+  search_.max_strain = max_strain;
 }
 
 ModulusPlan Elastography::plan(const ModulusInput& input, const ModulusChoice& choice,
@@ -188,7 +184,7 @@ ModulusPlan Elastography::plan(const ModulusInput& input, const ModulusChoice& c
                       time);
 }
 
-void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice, Estimate& e) {
+ModulusEstimate Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice) {
   const auto time = [&choice, begun_s = worked_s()] { return time_of(choice, begun_s); };
   if (time().left_s) input.seconds_left = [&time] { return *time().left_s; };
   try {
@@ -196,17 +192,12 @@ void Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice,
     const ModulusPlan plan = this->plan(input, choice, time(), reference);
     input.tolerance = plan.tolerance;
     if (reference) input.reference = &*reference;
-    e.modulus = modulus_.at(static_cast<std::size_t>(plan.kind))->estimate(input);
-    e.modulus.why = plan.why;
-    judge_->judge(input, e.modulus);
+    ModulusEstimate out = modulus_.at(static_cast<std::size_t>(plan.kind))->estimate(input);
+    out.why = plan.why;
+    return out;
   } catch (const NoCompression& refusal) {
     throw TrackingError(TrackingError::Reason::kNoCompression, std::string("pre, post: ") + refusal.what());
   }
-  e.valid.resize(e.grid.size());
-  for (std::size_t n = 0; n < e.valid.size(); ++n)
-    e.valid[n] = std::isfinite(e.modulus.youngs_modulus[n]) ? 1 : 0;
-  const auto valid = std::count(e.valid.begin(), e.valid.end(), std::uint8_t{1});
-  e.valid_fraction = static_cast<double>(valid) / static_cast<double>(e.grid.size());
 }
 
 Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const EstimateInput& in,
@@ -217,8 +208,8 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
       if (observer.cancelled()) throw EstimateCancelled();
     });
   validate(pre, post, in.geometry);
-  DisplacementEstimator::require_fits(pre, in.geometry, options_.displacement);
-  const HostBytes bytes = host_bytes(pre, in, options_);
+  DisplacementEstimator::require_fits(pre, in.geometry, search_);
+  const HostBytes bytes = host_bytes(pre, in);
   Estimate e;
   e.held = std::make_shared<const Charge>(queue_.account().charge(Place::kHost, "estimates", bytes.maps));
   const Charge working = queue_.account().charge(Place::kHost, "estimating", bytes.working);
@@ -228,15 +219,24 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
     if (observer.progress) observer.progress(stage);
     check_cancelled();
   };
-  const DisplacementEstimate displacement = track(pre, post, in.geometry, e);
-  if (in.b_mode) e.b_mode = b_mode_.image(pre, in.geometry);
+
+  const DisplacementEstimate tracked = track(pre, post, in.geometry, e);  // T2.1 to T2.3
+  if (in.b_mode) e.b_mode = b_mode_.image(pre, in.geometry);              // T2.9
   ended(Stage::kDisplacement, e.displacement_s);
-  download(queue_, strain_.estimate(displacement, e.grid), e);
+
+  const StrainEstimate strained = strain_.estimate(tracked, e.grid);  // T2.4
+  download(queue_, strained, e);
   ended(Stage::kStrain, e.strain_s);
-  const double window_width_m = static_cast<double>(pre.line_count) * in.geometry.line_pitch_m;
-  ModulusInput input{e, window_width_m, in.tissue, in.force, in.known};
-  input.beside = in.beside;
-  find_modulus(std::move(input), in.modulus, e);
+
+  const ModulusInput input{.measured = e,
+                           .window_width_m = static_cast<double>(pre.line_count) * in.geometry.line_pitch_m,
+                           .tissue = in.tissue,
+                           .force = in.force,
+                           .known = in.known,
+                           .beside = in.beside};
+  e.modulus = find_modulus(input, in.modulus);  // T3.1 to T3.3, T3.6, T3.8
+  judge(input, *strips_, e.modulus);            // T3.4
+  mark_valid(e);
   ended(Stage::kModulus, e.modulus_s);
   return e;
 }

@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "service/base/choices.h"
 #include "service/device/device.h"
 #include "service/imaging/modulus/judge.h"
 #include "service/imaging/modulus/modulus.h"
@@ -21,7 +20,6 @@
 #include "service/imaging/tracking/displacement.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/measured.h"
-#include "service/imaging/tracking/quality.h"
 #include "service/imaging/tracking/strain.h"
 
 namespace teletact::service {
@@ -29,14 +27,8 @@ namespace teletact::service {
 struct ElastographyOptions {
   DisplacementOptions displacement;
   StrainOptions strain;
-  ReferenceStressOptions reference_stress;
-  DirectOptions direct;
-  IterativeOptions iterative;
-  SolidModulusOptions solid;
-  double min_median_correlation = choices::kMinMedianCorrelation;
 };
 
-// How the modulus is to be found.
 struct ModulusChoice {
   std::optional<ModulusKind> kind = {};     // empty: as it is planned (modulus_plan.h)
   std::optional<double> time_limit_s = {};  // for the modulus alone, > 0; empty: what `time` leaves
@@ -48,12 +40,12 @@ struct ModulusChoice {
 
 enum class Stage { kDisplacement, kStrain, kModulus };
 
-// `cancelled` said so.
+// Thrown where EstimateObserver::cancelled says so.
 struct EstimateCancelled : std::runtime_error {
   EstimateCancelled() : std::runtime_error("the estimate was cancelled") {}
 };
 
-// What is known of a pair of frames.
+// Everything that is stated of a pair of frames.
 struct EstimateInput {
   AcquisitionGeometry geometry;
   std::optional<ProbeForce> force;  // absent: relative modulus
@@ -64,13 +56,12 @@ struct EstimateInput {
   bool b_mode = false;                   // Estimate::b_mode is wanted
 };
 
-// Who follows an estimate.
 struct EstimateObserver {
   std::function<void(Stage)> progress = {};  // called when a stage has ended
   std::function<bool()> cancelled = {};      // asked at every look (service/device/cancellation.h)
 };
 
-// What was measured of the pair, and its modulus: filled stage by stage. A number of a node with valid = 0 is
+// The measured pair and its modulus, filled stage by stage. A number of a node with valid = 0 is
 // not to be used; the modulus is NaN exactly there.
 struct Estimate : Measured {
   ModulusEstimate modulus;
@@ -89,10 +80,10 @@ class Elastography {
   // Throws DeviceError; std::invalid_argument for unusable options.
   Elastography(const std::shared_ptr<Device>&, ElastographyOptions = {});
 
-  // In whose name pairs are worked on from now on: what is kept of them for the next, too.
+  // Pairs are worked on in this name from now on, and what is kept of them for the next is held in it.
   void charge_to(const MemoryAccount&);
   const MemoryAccount& account() const { return queue_.account(); }
-  // Of the pairs to come; what was set up for another is set up anew.
+  // For the pairs to come; buffers that were set up for another are set up anew.
   void set_max_strain(double);
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
   void warm();
@@ -104,20 +95,19 @@ class Elastography {
  private:
   DisplacementEstimate track(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
   void judge_tracking(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
-  void find_modulus(ModulusInput, const ModulusChoice&, Estimate&);
-  // Which method, where none is named; `reference`: what was found on the way.
+  ModulusEstimate find_modulus(ModulusInput, const ModulusChoice&);
+  // The method, where none is named; `reference`: the modulus that was found on the way.
   ModulusPlan plan(const ModulusInput&, const ModulusChoice&, const ModulusTime&,
                    std::optional<ModulusEstimate>& reference);
 
   Queue queue_;
   std::shared_ptr<StripCache> strips_;
-  ElastographyOptions options_;
+  DisplacementOptions search_;
   DisplacementEstimator displacement_;
   StrainEstimator strain_;
   BModeImager b_mode_;
   std::array<std::unique_ptr<ModulusMethod>, 4> modulus_;  // by ModulusKind
   std::unique_ptr<ModulusMethod> uncorrected_;             // reference stress, without corrections
-  std::unique_ptr<ModulusJudge> judge_;
 };
 
 }  // namespace teletact::service

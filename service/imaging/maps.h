@@ -1,7 +1,9 @@
 // The maps that an estimate gives, by the names that the contract has for them. The one list of them.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <string_view>
 #include <variant>
 #include <vector>
@@ -19,8 +21,28 @@ struct EstimateMap {
       values;
 };
 
-const std::vector<EstimateMap>& estimate_maps();
+inline constexpr EstimateMap kEstimateMaps[] = {
+    {"axial_displacement", "m", &Estimate::axial_displacement},
+    {"lateral_displacement", "m", &Estimate::lateral_displacement},
+    {"axial_displacement_std", "m", &Estimate::axial_displacement_std},
+    {"lateral_displacement_std", "m", &Estimate::lateral_displacement_std},
+    {"axial_strain", "1", &Estimate::axial_strain},
+    {"lateral_strain", "1", &Estimate::lateral_strain},
+    {"shear_strain", "1", &Estimate::shear_strain},
+    {"axial_strain_std", "1", &Estimate::axial_strain_std},
+    {"lateral_strain_std", "1", &Estimate::lateral_strain_std},
+    {"shear_strain_std", "1", &Estimate::shear_strain_std},
+    {"correlation", "1", &Estimate::correlation},
+    {"valid", "1", &Estimate::valid},
+    {"youngs_modulus", nullptr, &ModulusEstimate::youngs_modulus},
+    {"youngs_modulus_log_std", "1", &ModulusEstimate::log_deviation},
+    {"b_mode", "1", &Estimate::b_mode}};
+
 // Null: there is none of that name.
-const EstimateMap* find_map(std::string_view name);
+inline const EstimateMap* find_map(std::string_view name) {
+  const auto* found =
+      std::ranges::find_if(kEstimateMaps, [name](const EstimateMap& map) { return map.name == name; });
+  return found == std::end(kEstimateMaps) ? nullptr : found;
+}
 
 }  // namespace teletact::service

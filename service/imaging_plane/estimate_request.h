@@ -22,7 +22,7 @@ struct EstimateRequest : EstimateInput {
   double force_std_n = 0, contact_area_std_m2 = 0;
   double max_strain = 0;
   double max_modulus_s = HUGE_VAL;  // that it may take in any case
-  std::shared_ptr<Scene> scene;      // null: nothing is published
+  std::shared_ptr<Scene> scene;     // null: nothing is published
   double window_x_m = 0;
   // Of a solid: whose slices tell how the tissue goes on across the image; where its left border lies there.
   struct SceneSlice {
@@ -31,7 +31,7 @@ struct EstimateRequest : EstimateInput {
   };
   std::optional<SceneSlice> slice_of;
   double finish_within_s = 0;     // of the last byte; 0: whenever
-  std::vector<std::string> maps;  // wanted: names, of estimate_maps()
+  std::vector<std::string> maps;  // wanted: names, of kEstimateMaps
 
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
   std::size_t samples() const { return sample_count * line_count; }

@@ -82,7 +82,7 @@ Plane plane_from(v1::PlaneCondition in) {
 std::vector<std::string> maps_from(const v1::Acquisition& in) {
   std::vector<std::string> maps;
   std::vector<std::string> known;
-  for (const EstimateMap& map : estimate_maps()) known.push_back(map.name);
+  for (const EstimateMap& map : kEstimateMaps) known.emplace_back(map.name);
   for (const std::string& map : in.maps()) {
     if (!find_map(map))
       throw std::invalid_argument(
@@ -155,8 +155,7 @@ EstimateRequest request_from(const v1::Acquisition& in, const Scenes& scenes, co
   return request;
 }
 
-FrameUpload::FrameUpload(const EstimateRequest& request, v1::DataType of_samples,
-                         std::size_t max_chunk_bytes)
+FrameUpload::FrameUpload(const EstimateRequest& request, v1::DataType of_samples, std::size_t max_chunk_bytes)
     : samples_(request.sample_count),
       lines_(request.line_count),
       frame_bytes_(request.samples() * bytes_per_item(of_samples)),

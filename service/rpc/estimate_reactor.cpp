@@ -3,9 +3,8 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include "service/rpc/client.h"
+#include "service/rpc/call_metadata.h"
 #include "service/rpc/estimate_answer.h"
-#include "service/rpc/named_scene.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

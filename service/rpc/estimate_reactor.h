@@ -13,7 +13,7 @@
 #include "service/rpc/acquisition.h"
 #include "service/rpc/core.h"
 #include "service/rpc/served_call.h"
-#include "teletact/v1/elastography.pb.h"
+#include "teletact/v1/elastography.grpc.pb.h"
 
 namespace teletact::service {
 
@@ -71,6 +71,18 @@ class EstimateReactor final
   std::size_t written_ = 0;      // messages of the outcome
   v1::EstimateResponse answer_;  // gRPC's, while a write is in flight
   std::optional<Clock::time_point> writing_since_;
+};
+
+class ElastographyService final : public v1::Elastography::CallbackService {
+ public:
+  explicit ElastographyService(Core& core) : core_(core) {}
+  grpc::ServerBidiReactor<v1::EstimateRequest, v1::EstimateResponse>* Estimate(
+      grpc::CallbackServerContext* context) override {
+    return EstimateReactor::serve(core_, context);
+  }
+
+ private:
+  Core& core_;
 };
 
 }  // namespace teletact::service

@@ -4,8 +4,7 @@
 
 #include <stdexcept>
 
-#include "service/rpc/client.h"
-#include "service/rpc/named_scene.h"
+#include "service/rpc/call_metadata.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_messages.h"
 #include "service/touch_plane/observed_touch.h"

@@ -1,8 +1,7 @@
 #include "service/rpc/palpation_service.h"
 
-#include "service/rpc/client.h"
+#include "service/rpc/call_metadata.h"
 #include "service/rpc/modulus_messages.h"
-#include "service/rpc/named_scene.h"
 #include "service/rpc/observe_reactor.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_reactor.h"

@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 #include "service/rpc/call_headers.h"
-#include "service/rpc/elastography_service.h"
+#include "service/rpc/estimate_reactor.h"
 #include "service/rpc/info_service.h"
 #include "service/rpc/open_service.h"
 #include "service/rpc/palpation_service.h"
@@ -22,7 +22,7 @@ namespace teletact::service {
 
 namespace {
 
-constexpr int kMaxCallsPerConnection = 256;                       // more wait in the client
+constexpr int kMaxCallsPerConnection = 256;                        // more wait in the client
 constexpr int kHandshakeMs = 10'000, kIdleConnectionMs = 300'000;  // a connection without calls
 // Of a connection at once, first and most: others take turns, and it can be cut.
 constexpr int kFirstReadBytes = 2 << 10, kMaxReadBytes = 64 << 10;

@@ -10,7 +10,7 @@
 #include "service/access/access_table.h"
 #include "service/base/memory.h"
 #include "service/device/device.h"
-#include "service/imaging/tracking/quality.h"
+#include "service/imaging/tracking/measured.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {

@@ -7,9 +7,7 @@
 #include <utility>
 #include <variant>
 
-#include "service/rpc/client.h"
-#include "service/rpc/law_messages.h"
-#include "service/rpc/named_scene.h"
+#include "service/rpc/call_metadata.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/touch_messages.h"
 #include "service/scene/errors.h"

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "service/rpc/named_scene.h"
+#include "service/rpc/call_metadata.h"
 #include "service/rpc/palpation_messages.h"
 
 namespace teletact::service {

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "service/imaging/modulus/tissue_extent.h"
-#include "service/imaging/tracking/b_mode_image.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/scene/cell_blocks.h"
 #include "service/scene/evidence.h"

@@ -16,14 +16,14 @@ TEST(DrawnWindow, TheModulusIsOffByWhatItStates) {
   const auto device = service::Device::open();
   const service::Queue queue = device->queue();
   const auto strips = std::make_shared<service::StripCache>();
-  const auto method = service::make_iterative(queue, {}, {}, strips);
+  const auto method = service::make_iterative(queue, strips);
   for (const double strain : {0.01, 0.03}) {
     double squares = 0, count = 0, beyond = 0;
     for (const std::uint64_t seed : {1, 2, 3}) {
       const DrawnWindow window({.strain = strain}, seed, queue);
       const service::ModulusInput in = window.input();
       service::ModulusEstimate e = method->estimate(in);
-      service::ModulusJudge(strips).judge(in, e);
+      service::judge(in, *strips, e);
       EXPECT_GT(e.correlation_m, 0.3e-3);
       EXPECT_LT(e.correlation_m, 20e-3);
       for (std::size_t n = 0; n < window.grid().size(); ++n) {

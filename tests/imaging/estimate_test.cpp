@@ -63,7 +63,7 @@ ProbeForce force(double modulus_pa) {
 
 TEST(Elastography, AnUnsolvedRefinementIsTold) {
   ElastographyOptions options;
-  options.displacement.regularisation.max_iterations = 1;
+  options.displacement.refinement.max_iterations = 1;
   const auto warned = [&] {
     const Estimate e = Elastography(imaging_device(), options)
                            .estimate(still(), pressed(), {speckle_geometry(), force(10e3), slab()});

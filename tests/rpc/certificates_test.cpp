@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "service/rpc/tls.h"
-#include "service/rpc/tls_files.h"
 #include "tests/rpc/guarded_server.h"
 #include "tests/support/finger_reader.h"
 

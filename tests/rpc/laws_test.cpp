@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/contact_law.h"
-#include "service/rpc/law_messages.h"
+#include "service/rpc/touch_messages.h"
 #include "tests/rpc/running_server.h"
 
 namespace teletact::service {

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "service/rpc/client.h"
+#include "service/rpc/call_metadata.h"
 #include "tests/rpc/running_server.h"
 
 namespace teletact::service {

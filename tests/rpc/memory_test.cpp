@@ -1,7 +1,7 @@
 // Peers that ask for more memory than they may have are told so, and the service says what it holds.
 #include <thread>
 
-#include "service/rpc/client.h"
+#include "service/rpc/call_metadata.h"
 #include "service/rpc/status.h"
 #include "tests/rpc/running_server.h"
 

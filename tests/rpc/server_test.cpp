@@ -7,7 +7,7 @@
 
 #include <fstream>
 
-#include "service/rpc/client.h"
+#include "service/rpc/call_metadata.h"
 #include "tests/rpc/health.h"
 #include "tests/rpc/running_server.h"
 #include "tests/support/finger_reader.h"

@@ -99,7 +99,7 @@ std::vector<Method> methods(const service::Queue& queue) {
   const auto strips = std::make_shared<service::StripCache>();
   all.push_back(ours("ours, reference stress", service::make_reference_stress(queue, {}, strips)));
   all.push_back(ours("ours, direct", service::make_direct(queue, {}, strips)));
-  all.push_back(ours("ours, iterative", service::make_iterative(queue, {}, {}, strips)));
+  all.push_back(ours("ours, iterative", service::make_iterative(queue, strips)));
   all.push_back(theirs(make_inverse_strain(), kSeeds));
   all.push_back(theirs(make_gauss_newton(), kSlowSeeds));
   return all;

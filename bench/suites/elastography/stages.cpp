@@ -21,14 +21,14 @@ namespace teletact::bench {
 namespace {
 
 Works work_of(const Phantom& p) {
-  const service::DisplacementOptions o;
   const Nodes fine(p.pre, p.geometry, 1e-3, 1e-3), coarse(p.pre, p.geometry, 2e-3, 1e-3),
-      image(p.pre, p.geometry, o.grid_dx_m, o.grid_dy_m);
+      image(p.pre, p.geometry, service::kGridDxM, service::kGridDyM);
   const double pixels = static_cast<double>(p.pre.samples.size()), nodes = image.grid.nodes();
-  const auto window = coarse.window(o.coarse_window_axial_m, o.coarse_window_lateral_m),
-             search = fine.window(o.window_axial_m, o.window_lateral_m);
-  const double chunks = 2 * std::ceil((o.max_strain * p.tissue.depth_m / coarse.sample_m + 4) / 8);
-  const double laterals = 2 * (std::lround(o.lateral_search_m / 2 / fine.line_m) + 1) + 1;
+  const auto window = coarse.window(service::kCoarseWindowAxialM, service::kCoarseWindowLateralM),
+             search = fine.window(service::kFineWindowAxialM, service::kFineWindowLateralM);
+  const double chunks =
+      2 * std::ceil((service::DisplacementOptions{}.max_strain * p.tissue.depth_m / coarse.sample_m + 4) / 8);
+  const double laterals = 2 * (std::lround(service::kLateralSearchM / 2 / fine.line_m) + 1) + 1;
   constexpr double kCoarseLaterals = 5, kReached = 0.7;  // means over the image; the rest is not looked at
   const double coarse_items = coarse.grid.nodes() * kCoarseLaterals * chunks * kReached,
                fine_items = fine.grid.nodes() * laterals;

@@ -126,8 +126,7 @@ void print(const Row& r) {
 Row drawn(const std::shared_ptr<service::Device>& device, const DrawnCase& c, std::size_t seeds) {
   const service::Queue queue = device->queue();
   const auto strips = std::make_shared<service::StripCache>();
-  const auto method = service::make_iterative(queue, {}, {}, strips);
-  const service::ModulusJudge judge(strips);
+  const auto method = service::make_iterative(queue, strips);
   Row row{.from = "prior", .contrast = c.contrast, .diameter_m = c.diameter_m, .strain = c.strain};
   row.noise_m = c.noise_m, row.seeds = seeds;
   Cell cell;
@@ -136,7 +135,7 @@ Row drawn(const std::shared_ptr<service::Device>& device, const DrawnCase& c, st
     const DrawnWindow w(c, seed, queue);
     const service::ModulusInput in = w.input();
     service::ModulusEstimate e;
-    seconds.push_back(seconds_of([&] { e = method->estimate(in), judge.judge(in, e); }));
+    seconds.push_back(seconds_of([&] { e = method->estimate(in), service::judge(in, *strips, e); }));
     cell.add({w.grid(), e.youngs_modulus, e.log_deviation, e.correlation_m,
               [&](std::size_t n) { return w.log_modulus(n); },
               [&](std::size_t n) { return w.from_edge_m(n); }});

@@ -61,9 +61,8 @@ class AfterTracking {
       : queue_(service::Device::open()->queue()),
         strips_(std::make_shared<service::StripCache>()),
         solid_(service::make_solid(queue_, {}, strips_)),
-        iterative_(service::make_iterative(queue_, {}, {}, strips_)),
-        direct_(service::make_direct(queue_, {}, strips_)),
-        judge_(strips_, {}, service::DirectOptions{}.reach) {}
+        iterative_(service::make_iterative(queue_, strips_)),
+        direct_(service::make_direct(queue_, {}, strips_)) {}
   const service::Queue& queue() const { return queue_; }
   service::ModulusEstimate operator()(const WarnedWindow& w, std::uint64_t seed) {
     const service::Measured measured =
@@ -74,7 +73,7 @@ class AfterTracking {
                                      : w.kind == service::ModulusKind::kIterative ? *iterative_
                                                                                   : *direct_;
     service::ModulusEstimate out = method.estimate(input);
-    judge_.judge(input, out);
+    service::judge(input, *strips_, out);
     return out;
   }
 
@@ -82,7 +81,6 @@ class AfterTracking {
   service::Queue queue_;
   std::shared_ptr<service::StripCache> strips_;
   std::unique_ptr<service::ModulusMethod> solid_, iterative_, direct_;
-  service::ModulusJudge judge_;
 };
 
 double median_said(const service::Field& field) {

@@ -1,4 +1,5 @@
-// Axial strain as it was measured, and as it is modelled, in the cells of a probed tissue (T3.6).
+// Axial strain in the cells of a probed tissue as it was measured, as it is modelled, and what homogeneous
+// tissue does not have of it (T3.6).
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +9,8 @@
 
 namespace teletact::service {
 
-// Of the cells. ln of the strain's size; what it is off by, as a part of it; observed: 1 where it was measured.
+// ln of the strain's size in each cell; what it is off by, as a part of it; observed: 1 where it was
+// measured.
 struct CellStrains {
   Eigen::VectorXd log_strain, deviation, observed;
 };
@@ -22,5 +24,21 @@ Eigen::VectorXd as_measured(const Eigen::VectorXd& strain, const CellGrid&, cons
 // Values of the cells at node n of the image, bilinear; beyond the cells those of the nearest.
 double at_node(const Eigen::VectorXd& of_cells, const CellGrid&, const ImageGrid&, double top_m,
                std::size_t n);
+
+inline double squared(double v) {
+  return v * v;
+}
+
+// ln(modelled / measured) over the cells told, robustly: a level, and so much tilt and grading more that
+// explain it.
+struct StrainFit {
+  double level = 0, tilt = 0, tilt_deviation = 0;
+  double grading = 0;  // of ln E, per unit of depth
+  double rest = 0;     // typical size of what is left
+};
+// `residual` of the cells, their weights (0: not told), what ln of the strain gains per unit of tilt, and
+// their depths, in any unit and from anywhere; empty: the modulus does not change with depth.
+StrainFit fit_strain(const Eigen::VectorXd& residual, const Eigen::VectorXd& weight,
+                     const Eigen::VectorXd& by_tilt, const Eigen::VectorXd& depth = {});
 
 }  // namespace teletact::service

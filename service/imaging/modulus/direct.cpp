@@ -24,38 +24,31 @@ namespace {
 constexpr double kContracts = 0.6;
 // The equation may give anything where the strain says little: of mu over the background's.
 constexpr double kMin = 0.05, kMax = 50;
-constexpr double kMinStrain = 0.03;  // sqrt |det A| over its median
-constexpr double kStreaks = 0.01;      // part of the window without a modulus from which on it is said
+constexpr double kMinStrainSize = 0.03;  // sqrt |det A| over its median
+constexpr double kStreaks = 0.01;        // part of the window without a modulus from which on it is said
 
 class Direct : public ModulusMethod {
  public:
   Direct(Queue queue, DirectOptions options, std::shared_ptr<StripCache> strips)
-      : options_(options), strips_(strips ? std::move(strips) : std::make_shared<StripCache>()) {
-    if (!(options_.background_below >= 0 && options_.full_above > options_.background_below))
-      throw std::invalid_argument("background_below, full_above: must be 0 or more, and the second larger");
-    if (!(options_.stabilisation >= 0)) throw std::invalid_argument("stabilisation: must be 0 or more");
-    if (options_.max_corrections < 0 || options_.max_corrections > 20)
-      throw std::invalid_argument("max_corrections: must be 0 to 20");
-    if (!(options_.settled >= 0)) throw std::invalid_argument("settled: must be 0 or more");
-    ReferenceStressOptions reference;
-    reference.corrections = 0;  // those of the direct map take their place
-    reference_ = make_reference_stress(std::move(queue), reference, strips_);
-  }
+      : options_(options),
+        strips_(std::move(strips)),
+        // The corrections of the direct map take the place of its own.
+        reference_(make_reference_stress(std::move(queue), {.corrections = 0}, strips_)) {}
 
   ModulusEstimate estimate(const ModulusInput& in) override {
     const ModulusEstimate reference = in.reference ? *in.reference : reference_->estimate(in);
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
     const WindowNodes nodes(model);
-    const AxialSlopes slopes = axial_slopes(nodes, in.measured, options_.reach);
+    const AxialSlopes slopes = axial_slopes(nodes, in.measured);
     const auto map_from = [&](const Eigen::VectorXd& log_modulus, double background) {
       Map map{reference, 0, {}};
       map.estimate.background = background;
       solve(in, model, nodes, slopes, log_modulus, map);
-      map.log_modulus = log_modulus_of(model, in, map.estimate);
+      map.log_modulus = shrunk_log_modulus(model, in, map.estimate);
       return map;
     };
-    const Eigen::VectorXd start = log_modulus_of(model, in, reference);
+    const Eigen::VectorXd start = shrunk_log_modulus(model, in, reference);
     Map map = map_from(start, reference.background);
     const double first = rms_under_probe(model, map.log_modulus - start);
     double change = first;
@@ -69,11 +62,10 @@ class Direct : public ModulusMethod {
       change = then;
     }
     if (static_cast<double>(map.streaks) > kStreaks * static_cast<double>(nodes.size()))
-      map.estimate.warnings.push_back(
-          {ModulusFlag::kStreaks,
-           std::to_string(100 * map.streaks / nodes.size()) +
-               " % of the window is hardly strained or gave no positive modulus: nothing is "
-               "said there, and streaks may cross what is beside it"});
+      map.estimate.warn(ModulusFlag::kStreaks,
+                        "{} % of the window is hardly strained or gave no positive modulus: nothing is said "
+                        "there, and streaks may cross what is beside it",
+                        100 * map.streaks / nodes.size());
     return std::move(map.estimate);
   }
 
@@ -83,11 +75,6 @@ class Direct : public ModulusMethod {
     std::size_t streaks = 0;      // nodes without a modulus
     Eigen::VectorXd log_modulus;  // for the next forward solve
   };
-
-  Eigen::VectorXd log_modulus_of(const StripModel& model, const ModulusInput& in,
-                                 const ModulusEstimate& map) const {
-    return shrunk_log_modulus(model, in, map, {options_.background_below, options_.full_above});
-  }
 
   // The map of the forward solve with `log_modulus` into `map`, which holds the background that it is
   // relative to, and says something where the reference stress does.
@@ -101,8 +88,9 @@ class Direct : public ModulusMethod {
     map.streaks = leave_out_undetermined(problem, out.background, solution.shear_modulus);
     out.kind = ModulusKind::kDirect;
     out.converged = solution.residual < 1e-6;
-    out.youngs_modulus = scaled(nodes.on_image(solution.shear_modulus, in.measured.grid),
-                                force_scale(in, forward), out.youngs_modulus);
+    out.youngs_modulus =
+        scaled(nodes.on_image(solution.shear_modulus, in.measured.grid),
+               force_scale(in, forward.response.force_n_per_m, forward.amplitude_m), out.youngs_modulus);
     normalise(out);
   }
 
@@ -118,11 +106,10 @@ class Direct : public ModulusMethod {
   static double mu_per_e(const TissueExtent& tissue) { return 0.5 / (1 + tissue.poisson_ratio); }
 
   // Border, lateral derivatives and change of volume are the forward solve's, du_y/dx and du_y/dy measured.
-  DirectProblem problem_of(const TissueExtent& tissue, const WindowNodes& nodes, const AxialSlopes& slopes,
-                           const ForwardSolve& forward) const {
+  static DirectProblem problem_of(const TissueExtent& tissue, const WindowNodes& nodes,
+                                  const AxialSlopes& slopes, const ForwardSolve& forward) {
     DirectProblem p;
     p.plane = tissue.plane;
-    p.stabilisation = options_.stabilisation;
     const ModelState& state = forward.state;
     const double a = forward.amplitude_m, nu = tissue.poisson_ratio;
     for (std::size_t n = 0; n < nodes.size(); ++n) {
@@ -153,7 +140,7 @@ class Direct : public ModulusMethod {
                                             std::vector<double>& modulus) {
     const std::vector<double> size = strain_size(problem);
     std::vector<double> any_order = size;
-    const double least = kMinStrain * median(any_order);
+    const double least = kMinStrainSize * median(any_order);
     std::size_t streaks = 0;
     for (std::size_t n = 0; n < modulus.size(); ++n) {
       if (size[n] >= least && modulus[n] >= kMin * background && modulus[n] <= kMax * background) continue;
@@ -171,7 +158,7 @@ class Direct : public ModulusMethod {
     return map;
   }
 
-  // What multiplies grad mu: sqrt |det A_mu| / 2.
+  // The factor of grad mu: sqrt |det A_mu| / 2.
   static std::vector<double> strain_size(const DirectProblem& p) {
     std::vector<double> size(p.yy.size());
     for (std::size_t n = 0; n < size.size(); ++n)

@@ -18,6 +18,11 @@ struct Line {
   void add(double weight, double a, double b) {
     w += weight, x += weight * a, y += weight * b, xx += weight * a * a, xy += weight * a * b;
   }
+  double slope() const {
+    const double determinant = w * xx - x * x;
+    return determinant > 0 ? (w * xy - x * y) / determinant : 0;
+  }
+  double constant(double slope) const { return w > 0 ? (y - slope * x) / w : 0; }
 };
 
 }  // namespace
@@ -61,9 +66,8 @@ DisplacementData::Fit DisplacementData::fit(const std::vector<double>& displacem
   Line line;
   for (std::size_t k = 0; k < data_.size(); ++k)
     line.add(data_[k].weight * data_[k].weight, out.modelled[k], data_[k].displacement_m);
-  const double determinant = line.w * line.xx - line.x * line.x;
-  if (determinant > 0) out.amplitude = (line.w * line.xy - line.x * line.y) / determinant;
-  if (line.w > 0) out.offset_m = (line.y - out.amplitude * line.x) / line.w;
+  out.amplitude = line.slope();
+  out.offset_m = line.constant(out.amplitude);
   double squares = 0;
   for (std::size_t k = 0; k < data_.size(); ++k) {
     const double r = out.amplitude * out.modelled[k] + out.offset_m - data_[k].displacement_m;
@@ -81,9 +85,7 @@ void DisplacementData::project(const Fit& fit, std::vector<double>& weighted) co
   Line line;
   for (std::size_t k = 0; k < data_.size(); ++k)
     line.add(data_[k].weight * data_[k].weight, fit.modelled[k], weighted[k] / data_[k].weight);
-  const double determinant = line.w * line.xx - line.x * line.x;
-  const double slope = determinant > 0 ? (line.w * line.xy - line.x * line.y) / determinant : 0;
-  const double constant = line.w > 0 ? (line.y - slope * line.x) / line.w : 0;
+  const double slope = line.slope(), constant = line.constant(slope);
   for (std::size_t k = 0; k < data_.size(); ++k)
     weighted[k] -= data_[k].weight * (slope * fit.modelled[k] + constant);
 }

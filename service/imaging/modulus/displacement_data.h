@@ -33,14 +33,14 @@ class DisplacementData {
   std::vector<double> transposed(const Fit&, const std::vector<double>& residual) const;
   // `residual` weighted as change() is.
   std::vector<double> weighted(const Fit&) const;
-  // Of many axial displacement changes of the strip, [node][column]: the scalar products of their change()
+  // For many axial displacement changes of the strip, [node][column]: the scalar products of their change()
   // with each other, and the change of log(amplitude) that each brings about.
   struct Products {
     Eigen::MatrixXd of_changes;
     Eigen::VectorXd log_amplitude;
   };
   Products products(const Fit&, const StripModel::NodeColumns& axial_changes) const;
-  // What the data weigh, about, against a unit change of log E of each element: (its shortening /
+  // About the data's weight against a unit change of log E of each element: (its shortening /
   // deviation)^2 x the data of an element.
   std::vector<double> weight_of_elements(const TissueGrid&, const Fit&,
                                          const std::vector<double>& displacement) const;

@@ -1,8 +1,9 @@
 // The iterative modulus (T3.3): regularised least squares on the measured axial displacement.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "service/device/worked.h"
@@ -18,21 +19,17 @@ using Eigen::VectorXd;
 // A step takes about as long as so many forward solves, and so does what says how well its answer is known.
 constexpr double kStepSolves = 4, kPosteriorSolves = 4;
 
+constexpr float kMinDeviationM = 0.3e-6f;
+constexpr double kLargestMisfit = 6;  // mean square of (modelled - measured) / deviation; above it kMisfit
 // A start needs no more. Corrected on, beside an inclusion that goes on beyond the window, it once came with
 // one of its own (demo, patient 3), and the steps did not take that away; the direct method stops there by
 // itself since, but each correction takes the time of a step, and .35 s are all.
-DirectOptions as_start(DirectOptions direct) {
-  direct.max_corrections = std::min(direct.max_corrections, 1);
-  return direct;
-}
+constexpr DirectOptions kStart{.max_corrections = 1};
 
 class Iterative : public ModulusMethod {
  public:
-  Iterative(Queue queue, IterativeOptions options, DirectOptions direct, std::shared_ptr<StripCache> strips)
-      : options_(options),
-        shrink_{direct.background_below, direct.full_above},
-        strips_(strips ? std::move(strips) : std::make_shared<StripCache>()),
-        direct_(make_direct(std::move(queue), as_start(direct), strips_)) {}
+  Iterative(Queue queue, std::shared_ptr<StripCache> strips)
+      : strips_(std::move(strips)), direct_(make_direct(std::move(queue), kStart, strips_)) {}
 
   ModulusEstimate estimate(const ModulusInput& in) override {
     const double begun_s = worked_s();
@@ -41,19 +38,21 @@ class Iterative : public ModulusMethod {
     out.kind = ModulusKind::kIterative;
     const auto strip = strips_->get(in.tissue, in.window_width_m);
     StripModel& model = strip->model;
-    const VectorXd start = shrunk_log_modulus(model, in, out, shrink_);
-    DisplacementData data(model, in.measured, static_cast<float>(options_.min_deviation_m),
-                          kTrackingWindowM2);
+    const VectorXd start = shrunk_log_modulus(model, in, out);
+    DisplacementData data(model, in.measured, kMinDeviationM, kTrackingWindowM2);
     VectorXd prior = VectorXd::Zero(start.size());
     if (in.known && out.absolute) prior = beside(model, start);
-    ModulusProblem problem(model, std::move(data), std::move(prior), out.background, options_);
+    ModulusProblem problem(model, std::move(data), std::move(prior), out.background);
     const ModulusProblem::Point best = iterate(problem, in, model, start, out);
     publish(in, model, problem, best, out);
     return out;
   }
 
  private:
-  // What is known beside the window, 0 under it.
+  static constexpr int kMaxSteps = 16;
+  static constexpr double kConvergedStep = 0.01;  // rms change of log E under the probe
+
+  // The modulus that is known beside the window, 0 under it.
   static VectorXd beside(const StripModel& model, VectorXd theta) {
     const std::size_t columns = model.grid().nx() - 1;
     for (Eigen::Index e = 0; e < theta.size(); ++e) {
@@ -73,15 +72,14 @@ class Iterative : public ModulusMethod {
     double longest_s = kStepSolves * solve_s, factor = 1;
     out.converged = false;
     VectorXd step;
-    for (out.iterations = 0; out.iterations < options_.max_steps && !out.converged;) {
+    for (out.iterations = 0; out.iterations < kMaxSteps && !out.converged;) {
       const double before = left();
       if (before <= longest_s + kept_s) break;
       if (factor == 1) step = problem.step(best);
       ModulusProblem::Point next = problem.at(best.theta + factor * step);
       ++out.iterations;
       if (next.objective < best.objective) {
-        out.converged =
-            factor * rms_under_probe(model, step) < std::max(options_.converged_step, in.tolerance / 3);
+        out.converged = factor * rms_under_probe(model, step) < std::max(kConvergedStep, in.tolerance / 3);
         best = std::move(next);
         factor = 1;
       } else {
@@ -92,35 +90,30 @@ class Iterative : public ModulusMethod {
     return factor == 1 ? best : problem.at(best.theta);
   }
 
-  std::string unsettled(int steps) const {
+  static std::string unsettled(int steps) {
     if (steps == 0)
       return "there was no time for a step of the iterative method: this is the direct method's modulus; "
              "allow more time";
-    const std::string best = ", before it had settled: this is the best so far";
-    if (steps < options_.max_steps)
-      return "the iterative modulus was stopped in time after " + std::to_string(steps) + " steps" + best +
-             "; allow more time";
-    return "the iterative modulus was stopped after " + std::to_string(steps) + " steps, the most" + best;
+    constexpr const char* kBest = ", before it had settled: this is the best so far";
+    if (steps < kMaxSteps)
+      return fmt::format("the iterative modulus was stopped in time after {} steps{}; allow more time", steps,
+                         kBest);
+    return fmt::format("the iterative modulus was stopped after {} steps, the most{}", steps, kBest);
   }
 
   void publish(const ModulusInput& in, const StripModel& model, ModulusProblem& problem,
                const ModulusProblem::Point& best, ModulusEstimate& out) const {
-    if (!out.converged) out.warnings.push_back({ModulusFlag::kDeadline, unsettled(out.iterations)});
+    if (!out.converged) out.warn(ModulusFlag::kDeadline, "{}", unsettled(out.iterations));
     if (out.iterations == 0) {
       out.kind = ModulusKind::kDirect;
       return;
     }
-    if (best.fit.mean_square > options_.largest_misfit)
-      out.warnings.push_back(
-          {ModulusFlag::kMisfit, "no modulus explains the displacement: it is off by " +
-                                     std::to_string(std::lround(std::sqrt(best.fit.mean_square))) +
-                                     " standard deviations (rms); the extent, the plane condition or the "
-                                     "probe's contact may not be "
-                                     "as stated"});
-    ForwardSolve forward;
-    forward.response = best.response;
-    forward.amplitude_m = best.fit.amplitude;
-    const double scale = force_scale(in, forward);
+    if (best.fit.mean_square > kLargestMisfit)
+      out.warn(ModulusFlag::kMisfit,
+               "no modulus explains the displacement: it is off by {} standard deviations (rms); the extent, "
+               "the plane condition or the probe's contact may not be as stated",
+               std::lround(std::sqrt(best.fit.mean_square)));
+    const double scale = force_scale(in, best.response.force_n_per_m, best.fit.amplitude);
     const Field map = model.on_image(problem.modulus(best.theta), in.measured.grid);
     for (std::size_t n = 0; n < map.size(); ++n)
       if (std::isfinite(out.youngs_modulus[n])) out.youngs_modulus[n] = static_cast<float>(scale) * map[n];
@@ -131,17 +124,14 @@ class Iterative : public ModulusMethod {
     out.correlation_m = posterior.correlation_m;
   }
 
-  IterativeOptions options_;
-  Shrink shrink_;
   std::shared_ptr<StripCache> strips_;
   std::unique_ptr<ModulusMethod> direct_;
 };
 
 }  // namespace
 
-std::unique_ptr<ModulusMethod> make_iterative(Queue queue, IterativeOptions options, DirectOptions direct,
-                                              std::shared_ptr<StripCache> strips) {
-  return std::make_unique<Iterative>(std::move(queue), options, direct, std::move(strips));
+std::unique_ptr<ModulusMethod> make_iterative(Queue queue, std::shared_ptr<StripCache> strips) {
+  return std::make_unique<Iterative>(std::move(queue), std::move(strips));
 }
 
 }  // namespace teletact::service

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <utility>
@@ -16,26 +16,29 @@
 namespace teletact::service {
 namespace {
 
-constexpr double kBackgroundLog = 0.4;    // of log E, about the ramp: what it is judged by
-constexpr double kGuessLog = 0.69;        // of log E, from which on it is one: a factor of two
-constexpr double kMisfitLog = 2.3;        // of log E: a factor of ten
-constexpr double kOfExtent = 2;           // of log E, for each part of the window beyond the usual
-constexpr double kSoftLog = 0.1;          // log(background / E) from which on it is soft; fully at twice that
-constexpr double kPoissonError = 0.01;    // how well nu of tissue is known
-constexpr double kBorderM = 4e-3;         // on each side of a border
+constexpr double kMaxUntracked = 0.10;  // part of the image inside the tissue
+constexpr double kMaxDeviation = 0.25;  // median standard deviation of log E
+constexpr double kMaxRamp = 1.25;       // of the background's modulus from one end of the window to the other
+constexpr double kMaxLateralRatio = 0.25;  // of - eps_xx / eps_yy, from what the plane assumption says
+constexpr double kMaxPressure = 0.10;  // of log E when nu is off by 0.01, which is how well tissue's is known
+// Part of the window that is no background, beyond what inclusions of 15 mm show.
+constexpr double kMaxExtent = 0.14;
+// Median difference of log E from what other windows told, in deviations of both together.
+constexpr double kMaxDisagreement = 3;
+constexpr double kBackgroundLog = 0.4;  // of log E, about the ramp: what it is judged by
+constexpr double kGuessLog = 0.69;      // of log E, from which on it is one: a factor of two
+constexpr double kMisfitLog = 2.3;      // of log E: a factor of ten
+constexpr double kOfExtent = 2;         // of log E, for each part of the window beyond the usual
+constexpr double kSoftLog = 0.1;        // log(background / E) from which on it is soft; fully at twice that
+constexpr double kPoissonError = 0.01;  // how well nu of tissue is known
+constexpr double kBorderM = 4e-3;       // on each side of a border
 constexpr std::size_t kMinShared = 50;  // nodes that a comparison needs
 // Over a region the posterior's errors average out: of a median's deviation over that of its nodes.
 constexpr double kOfMedian = 0.5;
 constexpr double kSmear = 0.4;  // standard deviation of a triangular kernel over its reach
 
-std::string text(const char* format, double a, double b = 0) {
-  char line[256];
-  std::snprintf(line, sizeof line, format, a, b);
-  return line;
-}
-
 // Slopes of log E between the nearest said nodes on both sides, per node of the image grid.
-double jump_over(const Field& e, const ImageGrid& g, std::size_t n, double reach_x_m, double reach_y_m) {
+double jump_over(const Field& e, const ImageGrid& g, std::size_t n) {
   const std::size_t i = n % g.nx, j = n / g.nx;
   const auto slope = [&](std::size_t low, std::size_t high, double distance) {
     const double s = std::log(e[high] / e[low]) / distance;
@@ -45,12 +48,12 @@ double jump_over(const Field& e, const ImageGrid& g, std::size_t n, double reach
   const std::size_t above = j > 0 ? n - g.nx : n, below = j + 1 < g.ny ? n + g.nx : n;
   const double x = slope(left, right, g.x_m(right) - g.x_m(left));
   const double y = slope(above, below, g.y_m(below) - g.y_m(above));
-  return std::hypot(x * reach_x_m, y * reach_y_m);
+  return std::hypot(x * kSlopeReachXM, y * kSlopeReachYM);
 }
 
-// Of log E, without any noise: everywhere; as a part of |log(E / background)|, which every method falls short
-// of (the stress that an inclusion draws to itself, total variation), both measured on 80 windows of the
-// simulated patient, contrasts of 2 to 10; where it is softer than the background, since what is given up
+// Errors of log E without any noise: everywhere; as a part of |log(E / background)|, which every method falls
+// short of (the stress that an inclusion draws to itself, total variation), both measured on 80 windows of
+// the simulated patient, contrasts of 2 to 10; where it is softer than the background, since what is given up
 // of small contrasts on the border is most of a soft inclusion's. `off_log`: |log(E / background)| from which
 // on a place is no background; `usual`: part of the window that is none with an inclusion of 15 mm. The solid
 // method leaves patches of texture in the background, and a ramp as it is: neither fills the window.
@@ -128,7 +131,7 @@ std::array<Comparison, 3> compare(const ModulusInput& in, const ModulusEstimate&
   return out;
 }
 
-// Of a node of the image: 1 and its place in the window, from 0 to 1.
+// 1, and the node's place in the window from 0 to 1.
 Eigen::Vector3d place_of(const ModulusInput& in, std::size_t n) {
   const ImageGrid& g = in.measured.grid;
   return {1, (g.x_m(n) - g.origin_x_m) / in.window_width_m,
@@ -166,62 +169,12 @@ std::vector<double> from_background(const ModulusInput& in, const ModulusEstimat
   return off;
 }
 
-}  // namespace
-
-const char* name_of(ModulusFlag flag) {
-  switch (flag) {
-    case ModulusFlag::kNoise:
-      return "noise";
-    case ModulusFlag::kStreaks:
-      return "streaks";
-    case ModulusFlag::kUntracked:
-      return "untracked";
-    case ModulusFlag::kRamp:
-      return "ramp";
-    case ModulusFlag::kOutOfPlane:
-      return "out-of-plane";
-    case ModulusFlag::kPressure:
-      return "pressure";
-    case ModulusFlag::kExtent:
-      return "extent";
-    case ModulusFlag::kScale:
-      return "wrong-force";
-    case ModulusFlag::kMisfit:
-      return "misfit";
-    case ModulusFlag::kDeadline:
-      return "deadline";
-  }
-  return "unknown";
-}
-
-double correlation_with_common(double length_m, double own, double common) {
-  constexpr double kFeltM = 5e-3, kMax = 0.99;
-  const double share = (own * std::exp(-kFeltM / length_m) + common) / (own + common);
-  return -kFeltM / std::log(std::min(share, kMax));
-}
-
-ModulusJudge::ModulusJudge(std::shared_ptr<StripCache> strips, JudgeLimits limits, SlopeReach reach)
-    : strips_(std::move(strips)), limits_(limits), reach_(reach) {}
-
-void ModulusJudge::judge(const ModulusInput& in, ModulusEstimate& out) const {
-  const double own = deviation(in, out);
-  untracked(in, out);
-  ramp(in, out);
-  out_of_plane(in, out);
-  pressure(in, out);
-  scale(in, out);
-  check_cancelled();
-  extent(in, out);
-  misfit(out);
-  const double common = mean_square(out.log_deviation) - own;
-  if (common > 0) out.correlation_m = correlation_with_common(out.correlation_m, own, common);
-}
-
-// What the axial strain tells of log E; where that is not measured the modulus is a guess: within a factor of
-// two. What a jump of the modulus is smeared over and what contrast is kept of none of the methods knows
-// itself. One that has found its posterior knows its noise better than the strain does, as long as the strain
-// tells something: else what it states is its prior.
-double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) const {
+// The axial strain's noise; where that is not measured the modulus is a guess: within a factor of two. None
+// of the methods knows what a jump of the modulus is smeared over, and which part of a contrast is kept. One
+// that has found its posterior knows its noise better than the strain does, as long as the strain tells
+// something: else it states its prior. Returns the mean square of what correlates as the method says; the
+// rest is alike all around.
+double deviation(const ModulusInput& in, ModulusEstimate& out) {
   const Measured& m = in.measured;
   const MethodError error = method_error(out.kind);
   const auto nowhere = std::numeric_limits<float>::quiet_NaN();
@@ -231,8 +184,7 @@ double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) con
   for (std::size_t n = 0; n < m.grid.size(); ++n) {
     if (n % m.grid.nx == 0) check_cancelled();
     if (!std::isfinite(out.youngs_modulus[n])) continue;
-    const double smeared =
-        kSmear * jump_over(out.youngs_modulus, in.measured.grid, n, reach_.x_m, reach_.y_m);
+    const double smeared = kSmear * jump_over(out.youngs_modulus, in.measured.grid, n);
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     const double soft = error.soft * std::clamp(-logarithm / kSoftLog - 1, 0.0, 1.0);
     of_model[n] = static_cast<float>(std::hypot(smeared, error.of_contrast * logarithm, soft));
@@ -241,7 +193,7 @@ double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) con
     out.log_deviation[n] = static_cast<float>(std::hypot(own, of_model[n], error.floor));
     said.push_back(out.log_deviation[n]);
   }
-  const bool telling = said.empty() || median(said) <= limits_.deviation;
+  const bool telling = said.empty() || median(said) <= kMaxDeviation;
   const bool solid = out.kind == ModulusKind::kSolid;
   const bool with_posterior = !posterior.empty() && (telling || solid);
   if (with_posterior) {
@@ -253,15 +205,15 @@ double ModulusJudge::deviation(const ModulusInput& in, ModulusEstimate& out) con
       if (std::isfinite(out.log_deviation[n])) said.push_back(out.log_deviation[n]);
     }
   }
-  if (const float typical = said.empty() ? 0 : median(said); typical > limits_.deviation)
-    out.warnings.push_back(
-        {ModulusFlag::kNoise, text("the modulus is uncertain by %.0f %% (median): the strain is noisy; press "
-                                   "further between the frames",
-                                   100 * typical)});
+  if (const float typical = said.empty() ? 0 : median(said); typical > kMaxDeviation)
+    out.warn(ModulusFlag::kNoise,
+             "the modulus is uncertain by {:.0f} % (median): the strain is noisy; press further between the "
+             "frames",
+             100 * typical);
   return mean_square(with_posterior && telling ? posterior : out.log_deviation);
 }
 
-void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const {
+void untracked(const ModulusInput& in, ModulusEstimate& out) {
   const std::vector<std::uint8_t>& trusted = in.measured.displacement_valid;
   double inside = 0, without = 0;
   for (std::size_t n = 0; n < trusted.size(); ++n) {
@@ -269,64 +221,56 @@ void ModulusJudge::untracked(const ModulusInput& in, ModulusEstimate& out) const
     ++inside;
     if (!trusted[n]) ++without;
   }
-  if (without > limits_.untracked * inside)
-    out.warnings.push_back(
-        {ModulusFlag::kUntracked,
-         text("%.0f %% of the image could not be tracked (low correlation): nothing is said "
-              "there, and the modulus beside it leans on the model",
-              100 * without / inside)});
+  if (without > kMaxUntracked * inside)
+    out.warn(ModulusFlag::kUntracked,
+             "{:.0f} % of the image could not be tracked (low correlation): nothing is said there, and the "
+             "modulus beside it leans on the model",
+             100 * without / inside);
 }
 
-void ModulusJudge::ramp(const ModulusInput& in, ModulusEstimate& out) const {
+void ramp(const ModulusInput& in, ModulusEstimate& out) {
   const Eigen::Vector3d plane = background_plane(in, out);
   const double across = std::exp(std::abs(plane[1])), down = std::exp(std::abs(plane[2]));
-  if (std::max(across, down) > limits_.ramp)
-    out.warnings.push_back(
-        {ModulusFlag::kRamp, text("the background's modulus ramps by a factor of %.2f across and %.2f down "
-                                  "the window: the probe may "
-                                  "be tilted or touch in part, or the tissue's extent be another than stated",
-                                  across, down)});
+  if (std::max(across, down) > kMaxRamp)
+    out.warn(ModulusFlag::kRamp,
+             "the background's modulus ramps by a factor of {:.2f} across and {:.2f} down the window: the "
+             "probe may be tilted or touch in part, or the tissue's extent be another than stated",
+             across, down);
 }
 
-void ModulusJudge::out_of_plane(const ModulusInput& in, ModulusEstimate& out) const {
-  const Measured& m = in.measured;
-  std::vector<float> lateral, axial;
-  for (std::size_t n = 0; n < m.grid.size(); ++n)
-    if (m.strain_valid[n]) lateral.push_back(m.lateral_strain[n]), axial.push_back(m.axial_strain[n]);
-  if (lateral.empty()) return;
-  const double ratio = -median(lateral) / median(axial), nu = in.tissue.poisson_ratio;
+void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
+  const std::optional<double> ratio = lateral_ratio(in.measured);
+  const double nu = in.tissue.poisson_ratio;
   const double expected = out.lateral_ratio.value_or(in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu);
-  if (std::abs(ratio - expected) > limits_.lateral_ratio)
-    out.warnings.push_back(
-        {ModulusFlag::kOutOfPlane,
-         text("the tissue spreads sideways by %.2f of its axial strain, not by %.2f as assumed: it moves "
-              "across "
-              "the image plane, or nu or the plane condition is another; the modulus is off by a third to "
-              "twofold",
-              ratio, expected) +
-             (in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID")});
+  if (ratio && std::abs(*ratio - expected) > kMaxLateralRatio)
+    out.warn(ModulusFlag::kOutOfPlane,
+             "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it moves "
+             "across the image plane, or nu or the plane condition is another; the modulus is off by a third "
+             "to twofold{}",
+             *ratio, expected,
+             in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID");
 }
 
-// Near nu = 1/2 the tissue carries the push by pressure as far as it cannot give way sideways. Pressure
-// leaves no trace in the displacement: the scale of the modulus then hangs on nu.
-void ModulusJudge::pressure(const ModulusInput& in, ModulusEstimate& out) const {
+// |d log P / d nu| x 0.01 (T3.4). Near nu = 1/2 the tissue carries the push by pressure as far as it cannot
+// give way sideways. Pressure leaves no trace in the displacement: the scale of the modulus then hangs on nu.
+void pressure(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   if (!out.absolute) return;
   // Under a narrow face the tissue gives way across the plane.
   if (out.kind == ModulusKind::kSolid && in.force->contact_area_m2 < in.window_width_m * in.tissue.depth_m)
     return;
-  const double off = kPoissonError * std::abs(strips_->get(in.tissue, in.window_width_m)->log_force_slope);
-  if (!(off > limits_.pressure)) return;
+  const double off = kPoissonError * std::abs(strips.get(in.tissue, in.window_width_m)->log_force_slope);
+  if (!(off > kMaxPressure)) return;
   widen(out.log_deviation, off);
-  out.warnings.push_back(
-      {ModulusFlag::kPressure,
-       text("the tissue is confined and nearly incompressible: pressure carries the probe's force, which the "
-            "displacement does not show, and the modulus changes by %.0f %% when the Poisson ratio (%.4g) is "
-            "off by 0.01",
-            100 * off, in.tissue.poisson_ratio)});
+  out.warn(ModulusFlag::kPressure,
+           "the tissue is confined and nearly incompressible: pressure carries the probe's force, which the "
+           "displacement does not show, and the modulus changes by {:.0f} % when the Poisson ratio ({:.4g}) "
+           "is off by 0.01",
+           100 * off, in.tissue.poisson_ratio);
 }
 
-// A wrong force scales the whole map; only other windows can tell.
-void ModulusJudge::scale(const ModulusInput& in, ModulusEstimate& out) const {
+// Median of log(E / known) over both deviations (T3.4). A wrong force scales the whole map; only other
+// windows can tell.
+void scale(const ModulusInput& in, ModulusEstimate& out) {
   if (!out.absolute || !in.known) return;
   double worst = 0, shift = 0;
   for (Comparison& c : compare(in, out)) {
@@ -336,18 +280,17 @@ void ModulusJudge::scale(const ModulusInput& in, ModulusEstimate& out) const {
     const double off = std::abs(typical.difference) / (of_median * typical.deviation);
     if (off > worst) worst = off, shift = typical.difference;
   }
-  if (!(worst > limits_.disagreement)) return;
+  if (!(worst > kMaxDisagreement)) return;
   widen(out.log_deviation, shift);
-  out.warnings.push_back(
-      {ModulusFlag::kScale,
-       text("the modulus is %.2f times what was found before beside this window or in it, %.1f standard "
-            "deviations: one of the probe's two forces is wrong, or its contact was not whole",
-            std::exp(shift), worst)});
+  out.warn(ModulusFlag::kScale,
+           "the modulus is {:.2f} times what was found before beside this window or in it, {:.1f} standard "
+           "deviations: one of the probe's two forces is wrong, or its contact was not whole",
+           std::exp(shift), worst);
 }
 
-// What fills much of the window comes back short, least so what is taken for background. What a solid's
-// strain does not tell is a guess, and not counted.
-void ModulusJudge::extent(const ModulusInput& in, ModulusEstimate& out) const {
+// A lump that fills much of the window comes back short, least so where it is taken for background. Where a
+// solid's strain tells nothing log E is a guess, and not counted.
+void extent(const ModulusInput& in, ModulusEstimate& out) {
   const MethodError error = method_error(out.kind);
   const std::vector<double> from = from_background(in, out);
   double said = 0, away = 0;
@@ -361,21 +304,49 @@ void ModulusJudge::extent(const ModulusInput& in, ModulusEstimate& out) const {
     out.log_deviation[n] = static_cast<float>(
         std::hypot(out.log_deviation[n],
                    kOfExtent * beyond * std::clamp(1.5 * from[n] / error.off_log - 0.5, 0.0, 1.0)));
-  if (beyond > limits_.extent)
-    out.warnings.push_back(
-        {ModulusFlag::kExtent,
-         text("%.0f %% of the window differ from its background: what fills so much of it comes back with "
-              "too little contrast, and the background is off with it",
-              100 * off)});
+  if (beyond > kMaxExtent)
+    out.warn(ModulusFlag::kExtent,
+             "{:.0f} % of the window differ from its background: what fills so much of it comes back with "
+             "too little contrast, and the background is off with it",
+             100 * off);
 }
 
 // A solid that no model explains, or whose face touches in part, may be off by a factor anywhere, and alike
 // all around: lumps below such a face were, by up to e^4.5. Last: the other flags are of what the method
 // itself states.
-void ModulusJudge::misfit(ModulusEstimate& out) const {
+void misfit(ModulusEstimate& out) {
   const bool misfit = std::ranges::any_of(
       out.warnings, [](const ModulusWarning& w) { return w.flag == ModulusFlag::kMisfit; });
   if (misfit && out.kind == ModulusKind::kSolid) widen(out.log_deviation, kMisfitLog);
+}
+
+}  // namespace
+
+const char* name_of(ModulusFlag flag) {
+  static constexpr const char* kNames[] = {"noise",    "streaks", "untracked",   "ramp",   "out-of-plane",
+                                           "pressure", "extent",  "wrong-force", "misfit", "deadline"};
+  static_assert(std::size(kNames) == static_cast<std::size_t>(ModulusFlag::kDeadline) + 1);
+  return kNames[static_cast<std::size_t>(flag)];
+}
+
+double correlation_with_common(double length_m, double own, double common) {
+  constexpr double kFeltM = 5e-3, kMax = 0.99;
+  const double share = (own * std::exp(-kFeltM / length_m) + common) / (own + common);
+  return -kFeltM / std::log(std::min(share, kMax));
+}
+
+void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
+  const double own = deviation(in, out);
+  untracked(in, out);
+  ramp(in, out);
+  out_of_plane(in, out);
+  pressure(in, strips, out);
+  scale(in, out);
+  check_cancelled();
+  extent(in, out);
+  misfit(out);
+  const double common = mean_square(out.log_deviation) - own;
+  if (common > 0) out.correlation_m = correlation_with_common(out.correlation_m, own, common);
 }
 
 }  // namespace teletact::service

@@ -2,11 +2,14 @@
 // direct (T3.2), iterative (T3.3), solid (T3.6).
 #pragma once
 
+#include <fmt/format.h>
+
 #include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "service/device/device.h"
@@ -19,7 +22,6 @@
 
 namespace teletact::service {
 
-// What a method may use.
 struct ModulusInput {
   const Measured& measured;
   double window_width_m;  // lines * pitch: the probe's face
@@ -29,17 +31,18 @@ struct ModulusInput {
   // Seconds that are left for the modulus, asked between the steps of an iteration; empty: no limit. What a
   // limit comes nearer meanwhile counts as if the step had taken it.
   std::function<double()> seconds_left = {};
-  // What log E may be off by: an iteration has settled once its steps change a third of it.
+  // Error of log E that is allowed: an iteration has settled once its steps change a third of it.
   double tolerance = 0.03;
-  // Of make_reference_stress() without corrections, where it is known: the direct method begins with it.
+  // The estimate of make_reference_stress() without corrections, where it is known: the direct method begins
+  // with it.
   const struct ModulusEstimate* reference = nullptr;
-  // Of a solid: what is known across the image plane, by offset_m, none at 0.
+  // Other slices of a solid, by offset_m, none at 0.
   std::vector<SliceBeside> beside = {};
 };
 
 enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };
 
-// What makes an estimate doubtful (T3.4); the words that go with it say where and how much.
+// Reasons to doubt an estimate (T3.4); the words that go with one say where and how much.
 enum class ModulusFlag {
   kNoise,       // the standard deviation of log E is large
   kStreaks,     // the strain hardly determines the modulus somewhere: det A near 0, mu not positive
@@ -61,8 +64,7 @@ struct ModulusWarning {
 struct ModulusEstimate {
   Field youngs_modulus;  // Pa, or relative (median 1); NaN where nothing can be said
   Field log_deviation;   // standard deviation of log E; NaN where youngs_modulus is; empty: not computed
-  // Errors of log E at two places correlate by exp(-distance / it). Of a method that does not find it:
-  // assumed.
+  // Errors of log E at two places correlate by exp(-distance / it); assumed by methods that do not find it.
   double correlation_m = 0.0035;
   ModulusKind kind = ModulusKind::kReferenceStress;
   bool converged = true;
@@ -75,6 +77,10 @@ struct ModulusEstimate {
   std::optional<double> lateral_ratio;  // - eps_xx / eps_yy of the model; else of its plane condition
   std::string model;                    // what was assumed and fitted of the tissue; empty: what was stated
   std::string why;                      // how the method was chosen, in words; empty: it was named
+  template <class... Args>
+  void warn(ModulusFlag flag, fmt::format_string<Args...> words, Args&&... args) {
+    warnings.push_back({flag, fmt::format(words, std::forward<Args>(args)...)});
+  }
 };
 
 // The pair shows less strain than can be measured.
@@ -87,26 +93,22 @@ class ModulusMethod {
   virtual ~ModulusMethod() = default;
   // Throws NoCompression; std::invalid_argument for an unusable tissue extent or force (field named).
   virtual ModulusEstimate estimate(const ModulusInput&) = 0;
-  // What is kept for the next pair.
+  // Gives back what is kept for the next pair.
   virtual void forget() {}
 };
 
 struct ReferenceStressOptions {
-  int corrections = 3;         // times that the reference is solved again with the modulus found so far
-  double min_strain = 2e-4;  // magnitude; below it a node says nothing
-  double range = 20;           // of E over its median, either way
+  int corrections = 3;  // times that the reference is solved again with the modulus found so far
   // Part of the median homogeneous strain below which nothing is said: near the bonded bottom and its corners
   // the probe hardly strains the tissue, and the corrections would amplify any error there.
   double min_reference = 0.5;
-  double near_field_m = 1e-3;  // depth in which nothing is said: strain kernels are cut there
-  int median_radius = 2;       // nodes
 };
 
 // T3.1; kernels/modulus.cl and StripModel. E = (P / P_ref) E_ref eps_ref / eps_yy, at first with homogeneous
 // tissue as the reference, then (`corrections`) with the modulus found so far: the stress that stiff
 // inclusions draw to themselves, and the plane-strain contrast (C + 1) / 2 of T3.1, are corrected.
-std::unique_ptr<ModulusMethod> make_reference_stress(Queue, ReferenceStressOptions,
-                                                     std::shared_ptr<StripCache> = {});
+std::unique_ptr<ModulusMethod> make_reference_stress(
+    Queue, ReferenceStressOptions, std::shared_ptr<StripCache> = std::make_shared<StripCache>());
 
 struct DirectOptions {
   // Times that border and lateral displacement are taken again from a forward solve, with the direct map; it
@@ -114,50 +116,26 @@ struct DirectOptions {
   // (log E, rms under the probe).
   int max_corrections = 4;
   double settled = 0.02;
-  // In that modulus |log(E / background)| below the first counts as background, above the second fully: the
-  // shadows that T3.1 throws above and below an inclusion would be given as truth.
-  double background_below = 0.35, full_above = 0.4;
-  SlopeReach reach;
-  double stabilisation = 1e-3;  // of DirectProblem
 };
 
 // T3.2; DirectProblem. Its border, the lateral displacement (an order noisier than the axial one) and what
 // was not measured come from a forward solve, at first with the modulus of the reference stress, whose
 // inclusions are too soft, then with that of this method.
-std::unique_ptr<ModulusMethod> make_direct(Queue, DirectOptions, std::shared_ptr<StripCache> = {});
-
-struct IterativeOptions {
-  double tv_per_m = 5000;  // alpha: what a metre of a unit jump of log E costs, in half squares of the data
-  double tv_floor_per_m = 50;  // gradient of log E below which TV is quadratic
-  double prior_deviation = 2;  // of log E about the background (or what is known), per square millimetre
-  double prior_beside = 40;    // times stronger beside the window, of which the data tell little
-  int max_steps = 16;         // Gauss-Newton
-  int max_products = 12;      // J^T J products within one
-  std::size_t remembered_products = 24;  // of the steps before, that correct the preconditioner
-  double inner_tolerance = 0.05;         // residual of the inner conjugate gradients
-  double converged_step = 0.01;          // rms change of log E under the probe
-  double min_deviation_m = 0.3e-6;
-  double largest_misfit = 6;  // mean square of (modelled - measured) / deviation; above it kMisfit
-};
+std::unique_ptr<ModulusMethod> make_direct(Queue, DirectOptions,
+                                           std::shared_ptr<StripCache> = std::make_shared<StripCache>());
 
 // T3.3: the modulus whose strip reproduces the measured axial displacement, with total variation on log E:
 //   1/2 |(S u(E) a + b - d) / sigma|^2 + alpha TV(log E) + prior.
 // Gauss-Newton with the adjoint's gradient, inner conjugate gradients on J^T J + alpha L (lagged
 // diffusivity), started from the direct method. Boundary: the flat probe's face and the bonded bottom as
 // measured, the sensor's traction for the scale. Stops at `seconds_left` with the best so far and says so.
-std::unique_ptr<ModulusMethod> make_iterative(Queue, IterativeOptions, DirectOptions,
-                                              std::shared_ptr<StripCache> = {});
-
-struct SolidModulusOptions {
-  double tv_per_m = 5000, tv_floor_per_m = 50;  // as IterativeOptions
-  int max_steps = 10;
-  double converged_step = 0.01;  // rms change of log E over the cells
-  double min_strain = 2e-4;    // magnitude of the median
-  StrainOptions strain;          // with which it was measured
-};
+std::unique_ptr<ModulusMethod> make_iterative(Queue,
+                                              std::shared_ptr<StripCache> = std::make_shared<StripCache>());
 
 // T3.6: E <- E eps[E] / eps, eps[E] the axial strain of solid tissue under the rectangular face
 // (ProbedSolid), with total variation on log E; tilt, and what is not stated of the face, fitted with it.
-std::unique_ptr<ModulusMethod> make_solid(Queue, SolidModulusOptions, std::shared_ptr<StripCache> = {});
+// The options are those with which the strain was measured.
+std::unique_ptr<ModulusMethod> make_solid(const Queue&, const StrainOptions&,
+                                          std::shared_ptr<StripCache> = std::make_shared<StripCache>());
 
 }  // namespace teletact::service

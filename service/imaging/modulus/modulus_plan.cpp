@@ -55,7 +55,8 @@ double noise_of(const Measured& m) {
 
 double expected_error(ModulusKind kind, const Unevenness& uneven, double noise) {
   if (!(noise <= kMaxNoise) || std::isnan(uneven.stiff)) return HUGE_VAL;
-  // Noise takes off no more than there is to see.
+  // T3.8: 0.032 + 0.36 s + w + m and 0.010 + w + m, m = min(n, max(s, w)): noise takes off no more than there
+  // is to see.
   const double both = uneven.soft + std::min(noise, std::max(uneven.stiff, uneven.soft));
   return kind == ModulusKind::kReferenceStress ? 0.032 + 0.36 * uneven.stiff + both : 0.010 + both;
 }

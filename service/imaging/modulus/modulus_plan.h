@@ -10,13 +10,12 @@
 
 namespace teletact::service {
 
-// What a force asks of the modulus that it is made from.
+// Accuracy that a force asks of the modulus that it is made from.
 struct ModulusNeed {
   double tolerance = 0.03;  // over the force (T9.5)
   double common = 0;        // standard deviation of log E that no method changes: force sensor, contact area
 };
 
-// What is there to find it in.
 struct ModulusTime {
   std::optional<double> left_s{};      // s of work, none: nobody waits
   std::string words{};                 // whose time that is, for people: "0.5 s by finish_within_s"
@@ -34,8 +33,8 @@ Unevenness unevenness(const Field& youngs_modulus, double background, const Imag
 // Median over the trusted nodes of the axial strain's deviation over the strain; not a number without any.
 double noise_of(const Measured&);
 
-// What reference stress and the iterative method put log E off by, of 95 % of what a finger feels; infinite
-// where there is more noise than that is known for, and where nothing was measured.
+// Error of log E by reference stress and by the iterative method, at 95 % of the places that a finger feels;
+// infinite where there is more noise than that is known for, and where nothing was measured.
 double expected_error(ModulusKind, const Unevenness&, double noise);
 
 struct ModulusPlan {

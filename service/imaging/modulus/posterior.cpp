@@ -5,7 +5,7 @@
 // and T = Q N Q^T,
 //   C = N - N Q^T (1 + M T)^-1 M Q N,
 // of which the diagonal is wanted: N's from its factor, the rest from one solve a patch.
-//   What is published is log E - log(a P[E]), scaled by the sensor's force, or log E less its mean.
+//   Published is log E - log(a P[E]), scaled by the sensor's force, or log E less its mean.
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -25,7 +25,7 @@ using Matrix = StripModel::NodeColumns;
 
 constexpr std::size_t kPatch = 4;   // elements a side under the probe
 constexpr double kBesideM = 0.016;  // patches go on so far beside it
-// What the data tell within a patch, over what an element's own shortening would: with it the deviations are
+// The data's weight within a patch, over that of an element's own shortening: with it the deviations are
 // 1 to 1.06 of those of the whole matrix, at 1 and 3 % of strain, 0.4 and 1.2 um of noise; without 1.04
 // to 1.18.
 constexpr double kWithin = 0.02;
@@ -43,8 +43,9 @@ struct Patches {
       if (const int k = of_element[e]; k >= 0)
         work(static_cast<Index>(e), static_cast<Index>(k), sizes[static_cast<std::size_t>(k)]);
   }
-  // Of the tissue, over what the prior expects: from differences of the means found in neighbouring patches,
-  // over those that the prior and the data would bring (variances `expected`); the median, which lumps leave.
+  // The texture's variance over the prior's, t of T3.5: from differences of the means found in neighbouring
+  // patches, over those that the prior and the data would bring (variances `expected`); the median, which
+  // lumps leave.
   double variation(const VectorXd& found, const Eigen::MatrixXd& expected) const {
     constexpr double kMedianOfSquare = 0.455;
     std::vector<double> ratios;
@@ -122,7 +123,7 @@ ModulusPosterior ModulusProblem::posterior(const Point& p, bool absolute) {
   // Within a patch alike, so that D tells means over it D times its size.
   const std::vector<double> own = data_.weight_of_elements(model_.grid(), p.fit, p.response.displacement);
   const VectorXd within = kWithin * patches.mean(Eigen::Map<const VectorXd>(own.data(), elements)).col(0);
-  Eigen::SparseMatrix<double> known = options_.tv_per_m * variation_.lagged(p.theta);
+  Eigen::SparseMatrix<double> known = kTvPerM * variation_.lagged(p.theta);
   known.diagonal() += prior_weight_;
   patches.each([&](Index element, Index k, double) {
     known.diagonal()[element] += within[k];
@@ -153,7 +154,7 @@ ModulusPosterior ModulusProblem::posterior(const Point& p, bool absolute) {
   check_cancelled();
   const Matrix told = spread * x;
   check_cancelled();
-  // What scales the map: d log(a P) / d log E, or the mean under the probe.
+  // The map's scale: d log(a P) / d log E, or the mean under the probe.
   VectorXd scale = VectorXd::Zero(elements);
   const double under = std::accumulate(patches.under.begin(), patches.under.end(), 0.0);
   if (absolute) {
@@ -173,7 +174,7 @@ ModulusPosterior ModulusProblem::posterior(const Point& p, bool absolute) {
       (preconditioner_.inverse_diagonal() - told.cwiseProduct(spread).rowwise().sum() - 2 * with_scale)
           .array() +
       alone;
-  // Of the mean over each patch, over the mean of its elements'.
+  // Variance of the mean over each patch, over the mean of its elements'.
   const VectorXd of_means = (t - t * x * t).diagonal() - 2 * patches.mean(with_scale),
                  of_elements = patches.mean(variance);
   std::vector<double> ratios;

@@ -9,7 +9,6 @@
 
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/modulus.h"
-#include "service/imaging/modulus/strain_fit.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -40,7 +39,7 @@ constexpr double kWellExplained = 0.08;  // of the strain, unexplained: nothing 
 constexpr double kBetterBy = 0.7;        // another explanation must leave so much of what is left
 constexpr double kSidesBetterBy = 0.85;  // of a hundred places that differ: ln of the odds is 16
 constexpr double kGradedBetterBy = 0.85;
-// Of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
+// Change of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
 constexpr double kNotedGrading = 0.2, kMaxGrading = 1.1;
 constexpr double kNoWorse = 1.25;  // what leaves so much of the strain may as well be true
 
@@ -56,17 +55,10 @@ double top_of(const Measured& m) {
   throw NoCompression("no depth of the image was tracked over half of its width; press further");
 }
 
-double measured_lateral_ratio(const Measured& m) {
-  std::vector<float> lateral, axial;
-  for (std::size_t n = 0; n < m.grid.size(); ++n)
-    if (m.strain_valid[n]) lateral.push_back(m.lateral_strain[n]), axial.push_back(m.axial_strain[n]);
-  return axial.empty() ? 0 : -median(lateral) / median(axial);
-}
-
-// What is left of the strain, where the modulus may change with depth as it does in tissue.
+// The unexplained part of the strain, where the modulus may change with depth as it does in tissue.
 double left(const ProbeFit& fit) {
   return std::abs(fit.grading) < kMaxGrading ? std::min(fit.rest, fit.graded_rest / kGradedBetterBy)
-                                              : fit.rest;
+                                             : fit.rest;
 }
 
 // ln E of homogeneous tissue that bears 1 N so and strains as was measured.
@@ -92,7 +84,7 @@ double least(double low, double high, int steps, double usual, const auto& f) {
   return at;
 }
 
-// Of ln E of the cells, what one deviation of an unknown changes that was varied by kVary; `usual`: how well
+// The change of ln E of the cells by one deviation of an unknown that was varied by kVary; `usual`: how well
 // it is known beforehand. An absolute modulus changes as the strain that goes with a force does, a relative
 // one as the strain beside its mean.
 VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, bool absolute) {
@@ -105,10 +97,11 @@ VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, boo
     by[c] = std::log(varied.homogeneous[c] / found.homogeneous[c]) / kVary;
     sum += found.measured.observed[c] * by[c], observed += found.measured.observed[c];
   }
-  const double mean = sum / std::max(observed, 1.0), of_force = std::log(varied.force_n / found.force_n) / kVary;
+  const double mean = sum / std::max(observed, 1.0),
+               of_force = std::log(varied.force_n / found.force_n) / kVary;
   const CellGrid& cells = found.tissue->cells();
-  const double squares = found.measured.observed.dot((by.array() - mean).square().matrix()) * cells.spacing_m *
-                         cells.row_m / kAlikeM2;
+  const double squares = found.measured.observed.dot((by.array() - mean).square().matrix()) *
+                         cells.spacing_m * cells.row_m / kAlikeM2;
   by.array() -= absolute ? of_force : mean;
   return by / std::sqrt(squares / squared(found.rest) + 1 / squared(usual));
 }
@@ -144,7 +137,7 @@ ProbeFitter::Kept& ProbeFitter::kept(const ProbeFace& face, bool block) {
   return *kept_;
 }
 
-ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block, const VectorXd* by_tilt) {
+ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, const VectorXd* by_tilt, bool block) {
   check_cancelled();
   ProbeFit out;
   Kept& kept = this->kept(face, block);
@@ -185,11 +178,12 @@ ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, bool block,
   return out;
 }
 
-// What is fitted: ln of the face's length across the image, and of the tissue's depth.
+// The unknowns: ln of the face's length across the image, and of the tissue's depth.
 struct ProbeFitter::Unknown {
   bool elevation, depth;
   double log_elevation, log_depth;
   ProbeFace face;  // what is known
+  ProbeFace at() const { return at(log_elevation, log_depth); }
   ProbeFace at(double e, double h) const {
     ProbeFace out = face;
     if (elevation) out.elevation_m = std::exp(e);
@@ -210,7 +204,7 @@ bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double min_le
     in_time = in_time && !(in.seconds_left && in.seconds_left() <= min_left_s);
     if (!in_time) return HUGE_VAL;
     try {
-      const ProbeFit at = tried(pair, u.at(e, h), false, &by_tilt);
+      const ProbeFit at = tried(pair, u.at(e, h), &by_tilt);
       by_tilt = at.by_tilt;
       return differ * std::log(at.rest) + squared((e - std::log(kUsualElevationM)) / kLogUsualElevation) / 2 +
              squared((h - std::log(kUsualDepths * image_m)) / kLogUsualDepth) / 2;
@@ -230,10 +224,6 @@ bool ProbeFitter::search(const Pair& pair, Unknown& u, int rounds, double min_le
   return in_time;
 }
 
-ProbeFit ProbeFitter::tried(const Pair& pair, const Unknown& u, const VectorXd* by_tilt) {
-  return tried(pair, u.at(u.log_elevation, u.log_depth), false, by_tilt);
-}
-
 // Deeper than stated, a block, or with sides: what explains the strain better. What explains it no worse and
 // would bear the force by another modulus widens what is stated.
 void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in) {
@@ -243,7 +233,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     return hurried;
   };
   std::vector<Rival> rivals{{left(out), log_scale(out)}};
-  doubt(pair, u, out, in, late, rivals);
+  try_others(pair, u, out, in, late, rivals);
   out.undoubted = hurried && out.rest > kWellExplained;
   if (!in.force) return;
   double apart = 0;
@@ -252,8 +242,8 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
   out.common_log = std::hypot(out.common_log, apart);
 }
 
-void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in,
-                        const std::function<bool()>& late, std::vector<Rival>& rivals) {
+void ProbeFitter::try_others(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in,
+                             const std::function<bool()>& late, std::vector<Rival>& rivals) {
   const Unknown stated = u;
   const auto to_beat = [&] { return stated.depth ? out.rest : left(out); };
   const auto considered = [&](const ProbeFit& other) {
@@ -266,7 +256,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     Unknown deeper = u;
     deeper.depth = true;
     search(pair, deeper, 1, kTimeToDoubtS, in);
-    ProbeFit other = tried(pair, deeper);
+    ProbeFit other = tried(pair, deeper.at());
     // Its own modulus may change with depth as well.
     if (considered(other) < kBetterBy * out.rest && left(other) < kBetterBy * left(out))
       u = deeper, out = std::move(other);
@@ -274,8 +264,8 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
   if (stated.face.image_depth_m < kDeepestBlockM) {
     ProbeFace as_wide = out.face;
     as_wide.beside_m = 0;
-    const double ratio = measured_lateral_ratio(pair.measured);
-    ProbeFit block = tried(pair, as_wide, true);
+    const double ratio = lateral_ratio(pair.measured).value_or(0);
+    ProbeFit block = tried(pair, as_wide, nullptr, true);
     if (considered(block) < (ratio > kBlockRatio ? 1 : kBetterBy) * to_beat()) {
       block.words = fmt::format(
           "a block as wide as the probe: a uniform strain leaves {:.0f} % of it unexplained, tissue that "
@@ -285,7 +275,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     }
   }
   if (tilted) return;
-  const ProbeFace usual = stated.at(stated.log_elevation, stated.log_depth);
+  const ProbeFace usual = stated.at();
   struct Sides {
     double depths;
     bool slides;
@@ -299,7 +289,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
     Unknown other = stated;
     other.face.beside_m = sides.depths * usual.depth_m, other.face.slides = sides.slides;
     try {
-      ProbeFit found = tried(pair, other, &by_tilt);
+      ProbeFit found = tried(pair, other.at(), &by_tilt);
       by_tilt = found.by_tilt;
       double share = ends ? 1 : kSidesBetterBy;
       // The block's depth is not seen: where it is stated the solid is the likelier of the two.
@@ -313,7 +303,7 @@ void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const Modul
   Unknown again = u;
   search(pair, again, 1, kTimeToDoubtS, in);
   if (late()) return;
-  if (ProbeFit other = tried(pair, again); other.rest < out.rest) u = again, out = std::move(other);
+  if (ProbeFit other = tried(pair, again.at()); other.rest < out.rest) u = again, out = std::move(other);
 }
 
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign) {
@@ -331,7 +321,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       std::log(kUsualDepths * image_m),
       {in.window_width_m, elevation_m, in.tissue.depth_m - pair.top_m, image_m, in.tissue.poisson_ratio}};
   const bool in_time = search(pair, u, kRounds, 0, in);
-  ProbeFit out = tried(pair, u);
+  ProbeFit out = tried(pair, u.at());
   const bool doubted = out.rest > kWellExplained;
   if (doubted) doubt(pair, u, out, in);
   // Sides may look like it: it counts where all was tried.
@@ -343,7 +333,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
     const auto vary = [&](double by_e, double by_h, double usual) {
       const auto changed = [&](double way) {
         const ProbeFace varied = u.at(u.log_elevation + way * by_e, u.log_depth + way * by_h);
-        return change(out, tried(pair, varied, false, &out.by_tilt), usual, in.force.has_value());
+        return change(out, tried(pair, varied, &out.by_tilt), usual, in.force.has_value());
       };
       try {
         out.changes.push_back(changed(1));

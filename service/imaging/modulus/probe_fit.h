@@ -27,7 +27,7 @@ struct ProbeFit {
   Eigen::VectorXd homogeneous;  // strain of the cells as measured, > 0 where it is compression, per metre
   Eigen::VectorXd by_tilt;      // d ln(strain) of the cells per unit of tilt
   double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are observed
-  // Of ln E of the cells, for each thing that was fitted: what one standard deviation of it changes.
+  // Change of ln E of the cells by one standard deviation of each thing that was fitted.
   std::vector<Eigen::VectorXd> changes;
   double common_log = 0;  // of ln E: the mesh, and what the tissue does at its sides
   double rest = 0;        // of ln(strain): what is unexplained where tissue looks homogeneous
@@ -68,16 +68,15 @@ class ProbeFitter {
   };
   Kept& kept(const ProbeFace&, bool block);
   void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&);
-  // What else was tried, and how well it explains the strain.
+  // Another explanation that was tried, and how much of the strain it leaves.
   struct Rival {
     double left, log_scale;
   };
-  void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late,
-             std::vector<Rival>&);
+  void try_others(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late,
+                  std::vector<Rival>&);
   // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
   // it, which is used where it has the same cells.
-  ProbeFit tried(const Pair&, const ProbeFace&, bool block, const Eigen::VectorXd* by_tilt = nullptr);
-  ProbeFit tried(const Pair&, const Unknown&, const Eigen::VectorXd* by_tilt = nullptr);
+  ProbeFit tried(const Pair&, const ProbeFace&, const Eigen::VectorXd* by_tilt = nullptr, bool block = false);
   Queue queue_;
   StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;

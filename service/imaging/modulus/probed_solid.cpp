@@ -40,8 +40,8 @@ constexpr double kAir = 0.01;         // of the tissue's modulus: beyond its end
 // tissue would; nearly incompressible, they take a tenth of the push under the probe.
 constexpr std::size_t kSlidingRows = 3;
 constexpr double kSlidingDepth = 0.05, kSlidingModulus = 0.02;
-// Of the solution, in energy; of tissue that ends what bounds it is some ten times what it is off by, and
-// what rounding may do to it lies beyond.
+// Accuracy of the solution, in energy. Where tissue ends, the bound is some ten times the error, and rounding
+// may exceed it.
 constexpr double kAccuracy = 2e-3, kAccuracyOfSides = 2e-2, kMinAccuracy = 5e-2;
 
 void require_above_zero(double value, const char* field) {
@@ -133,8 +133,8 @@ SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells) {
   return tissue;
 }
 
-// Of elements along a period that begins at the face's first node, `wide` of them under the face: the share
-// that lies within the tissue, of which at most so much of the gap to the next face is left.
+// Share of each element that lies within the tissue, along a period that begins at the face's first node,
+// `wide` elements under the face, of which at most so much of the gap to the next face is left.
 std::vector<double> within(const ProbeFace& face, std::size_t period, std::size_t wide, double spacing_m) {
   constexpr double kMaxOfGap = 0.875;
   const double beyond = kBeyond / 2, gap = static_cast<double>(period - wide) - kBeyond,
@@ -159,7 +159,7 @@ SurfacePatch patch_under(const ProbeFace& face, const SolidGrid& grid, const Cel
   return patch;
 }
 
-// Of a face that is pushed by 1 m into layers of this compliance.
+// Force on a face that is pushed by 1 m into layers of this compliance.
 double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch) {
   const Eigen::MatrixXd among = layered.among(patch.unknowns);
   return among.llt().solve(VectorXd::Ones(among.rows())).sum();
@@ -192,8 +192,7 @@ class ProbedSolid : public ProbedTissue {
     if (solution.reason != StopReason::kConverged && !(solution.bounded_error() <= kMinAccuracy))
       throw std::invalid_argument(fmt::format(
           "probe_elevation_m, tissue_depth_m, poisson_ratio: a face of {:.3g} m x {:.3g} m on tissue {:.3g} "
-          "m "
-          "deep, nu {:.6g}, is beyond what is modelled ({}); check them, nu is about 0.49",
+          "m deep, nu {:.6g}, is beyond what is modelled ({}); check them, nu is about 0.49",
           face_.width_m, face_.elevation_m, face_.depth_m, face_.poisson_ratio, to_string(solution.reason)));
     Response out = strains(solver_.displacement());
     // The energy is as good as the displacement. Where the sides give way the nodes' forces are not: in
@@ -252,7 +251,7 @@ class ProbedSolid : public ProbedTissue {
     double way;
     bool operator==(const Between&) const = default;
   };
-  // Of the elements across the image, the first of which begins in its plane.
+  // Places of the elements across the image, the first of which begins in its plane.
   std::vector<Between> places_of(const VectorXd& log_modulus, const Planes& planes) const {
     const SolidGrid& grid = tissue_.grid;
     const auto behind = static_cast<std::ptrdiff_t>(
@@ -278,14 +277,15 @@ class ProbedSolid : public ProbedTissue {
     return places;
   }
 
-  // What differs more from the background changes to the other with the square of the way from it.
+  // The one that differs more from the background changes to the other with the square of the way from it
+  // (T3.9).
   static VectorXd between(const VectorXd& before, const VectorXd& after, double way) {
     const double to_after = way * way, to_before = (1 - way) * (1 - way);
     return (before.array().abs() > after.array().abs())
         .select(before + to_after * (after - before), after + to_before * (before - after));
   }
 
-  // Of the elements of a row, from the logarithms of its cells.
+  // Moduli of the elements of a row, from the logarithms of its cells.
   void fill_row(const VectorXd& cells, std::vector<double>& row) const {
     const Index columns = cells.size(),
                 mirrored = std::min(columns, static_cast<Index>(kMirroredM / cells_.spacing_m)),

@@ -19,7 +19,7 @@ namespace teletact::service {
 struct ProbeFace {
   double width_m = 0, elevation_m = 0, depth_m = 0, image_depth_m = 0;
   double poisson_ratio = 0.49;
-  // Of a solid: where it ends, free of stress, from the face's border; and whether it slides on what it lies
+  // Where a solid ends, free of stress, from the face's border; and whether it slides on what it lies
   // on, else it is bonded.
   double beside_m = std::numeric_limits<double>::infinity();
   bool slides = false;
@@ -43,7 +43,7 @@ class ProbedTissue {
  public:
   virtual ~ProbedTissue() = default;
   const CellGrid& cells() const { return cells_; }
-  // Of the cells, per metre that the face's middle is pushed down: axial < 0.
+  // Strain of the cells per metre that the face's middle is pushed down: axial < 0.
   struct Response {
     Eigen::VectorXd axial_strain, lateral_strain;
     double force_n = 0;  // on the face, > 0
@@ -65,7 +65,7 @@ class ProbedTissue {
   }
   // How far from the image another plane must be at least to be told from it; none ever is: infinity.
   virtual double nearest_plane_m() const { return std::numeric_limits<double>::infinity(); }
-  // What push() has of the force of tissue that goes on for ever, over 1.
+  // The force of push() over that of tissue that goes on for ever.
   virtual double force_share() { return 1; }
 
  protected:

@@ -1,4 +1,4 @@
-// What the iterative modulus minimises (T3.3), and its Gauss-Newton step. The unknown is theta = log(E /
+// The objective of the iterative modulus (T3.3), and its Gauss-Newton step. The unknown is theta = log(E /
 // background) of every element of the strip:
 //   1/2 |(S u(E) a + b - d) / sigma|^2 + alpha TV(theta) + 1/2 |prior weight^(1/2) (theta - prior)|^2
 // amplitude a and offset b fitted at every theta.
@@ -22,14 +22,17 @@ struct ModulusPosterior {
   double texture = 1;         // variance of the tissue over the prior's, as far as it was seen
 };
 
-// What holds theta near its prior, per element.
-Eigen::VectorXd prior_weight(const StripModel&, const IterativeOptions&);
+// Standard deviation of log E about the background (or what is known), per square millimetre; and how much
+// stronger the prior is beside the window, of which the data tell little.
+inline constexpr double kPriorDeviation = 2, kPriorBeside = 40;
+
+// The prior's precision, per element.
+Eigen::VectorXd prior_weight(const StripModel&);
 
 class ModulusProblem {
  public:
-  // prior: of theta, [element]. Model and options must outlive the problem.
-  ModulusProblem(StripModel&, DisplacementData, Eigen::VectorXd prior, double background,
-                 const IterativeOptions&);
+  // prior: of theta, [element]. The model must outlive the problem.
+  ModulusProblem(StripModel&, DisplacementData, Eigen::VectorXd prior, double background);
   struct Point {
     Eigen::VectorXd theta;
     StripResponse response;
@@ -38,7 +41,7 @@ class ModulusProblem {
   };
   // One forward solve; its factor serves gradient() and step() until the next.
   Point at(Eigen::VectorXd theta);
-  // Of the objective by theta, at the latest at().
+  // Derivative of the objective by theta, at the latest at().
   Eigen::VectorXd gradient(const Point&);
   // (J^T J + alpha L + prior) step = - gradient, by conjugate gradients preconditioned with what the data do
   // not need a forward solve for, corrected by what the products of the steps before have shown: the matrix
@@ -49,7 +52,7 @@ class ModulusProblem {
   ModulusPosterior posterior(const Point&, bool absolute);
 
  private:
-  // Of the matrix, by a product: y = H s.
+  // y = H s.
   struct Product {
     Eigen::VectorXd s, y;
     double sy;
@@ -57,13 +60,11 @@ class ModulusProblem {
   Eigen::VectorXd preconditioned(Eigen::VectorXd residual, std::size_t products) const;
   std::vector<double> forward(const Point&, const std::vector<double>& e, const Eigen::VectorXd& d);
   Eigen::VectorXd adjoint(const Point&, const std::vector<double>& e, const std::vector<double>& residual);
-  Eigen::VectorXd typical_data_weight(const Point&) const;
 
   StripModel& model_;
   DisplacementData data_;
   Eigen::VectorXd prior_;
   double background_;
-  const IterativeOptions& options_;
   TotalVariation variation_;
   Eigen::VectorXd prior_weight_;
   SparseFactor preconditioner_;

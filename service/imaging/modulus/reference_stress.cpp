@@ -1,40 +1,30 @@
-#include "service/imaging/modulus/modulus.h"
-
-#include <fmt/format.h>
-
+// Reference stress (T3.1): E_(n+1) = (P / P[E_n]) E_n eps[E_n] / eps_yy, from homogeneous tissue on.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
+#include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/seed.h"
 #include "service/imaging/tracking/median.h"
+#include "service/imaging/tracking/sample_grid.h"
 
 namespace teletact::service {
 namespace {
 
-constexpr std::size_t kModulusGroup = 32;  // WORK_GROUP of modulus.cl
+constexpr double kRange = 20;           // of E over its median, either way
+constexpr double kUnsaidDepthM = 1e-3;  // depth in which nothing is said: strain kernels are cut there
+constexpr int kMedianRadius = 2;        // nodes
 
 class ReferenceStress : public ModulusMethod {
  public:
   ReferenceStress(Queue queue, ReferenceStressOptions options, std::shared_ptr<StripCache> strips)
       : queue_(std::move(queue)),
         options_(options),
-        strips_(strips ? std::move(strips) : std::make_shared<StripCache>()),
+        strips_(std::move(strips)),
         ratio_(queue_.kernel("modulus", "reference_stress", Precision::kFloat)),
-        median_(queue_.kernel("modulus", "modulus_median", Precision::kFloat)) {
-    if (!(options_.min_strain > 0)) throw std::invalid_argument("min_strain: must be above 0");
-    if (!(options_.min_reference >= 0 && options_.min_reference < 1))
-      throw std::invalid_argument("min_reference: must be 0 or more and below 1");
-    if (!(options_.range > 1)) throw std::invalid_argument("range: must be above 1");
-    if (options_.corrections < 0 || options_.corrections > 20)
-      throw std::invalid_argument("corrections: must be 0 to 20");
-    if (options_.median_radius < 1 || options_.median_radius > 2)
-      throw std::invalid_argument("median_radius: must be 1 or 2 nodes");
-  }
+        median_(queue_.kernel("modulus", "modulus_median", Precision::kFloat)) {}
 
   ModulusEstimate estimate(const ModulusInput& in) override {
     validate(in.force);
@@ -52,7 +42,8 @@ class ReferenceStress : public ModulusMethod {
         if (!reached[n]) stress[n] = std::numeric_limits<float>::quiet_NaN();
       // eps_yy ~ amplitude * stress over most of the window: E ~ E_background where that holds.
       const double amplitude = this->amplitude(measured, stress, out.mean_axial_strain);
-      out.youngs_modulus = map(measured.grid, on_device, stress, amplitude, scale(in, reference, amplitude));
+      out.youngs_modulus = map(measured.grid, on_device, stress, amplitude,
+                               force_scale(in, reference.force_n_per_m, amplitude));
       normalise(out);
       if (correction >= options_.corrections) return out;
       const KnownModulus& known = out.absolute ? in.known : kNothingKnown;
@@ -80,14 +71,6 @@ class ReferenceStress : public ModulusMethod {
     return reached;
   }
 
-  // E where eps_yy = amplitude * stress: P / (P_ref |amplitude|), P per metre of thickness; 1 without a
-  // force.
-  static double scale(const ModulusInput& in, const StripResponse& reference, double amplitude) {
-    if (!in.force) return 1;
-    const double force_n_per_m = in.force->force_n / in.force->contact_area_m2 * in.window_width_m;
-    return force_n_per_m / (reference.force_n_per_m * std::abs(amplitude));
-  }
-
   // Median of eps_yy over the reference's E eps_yy, over the trusted nodes.
   double amplitude(const Measured& measured, const Field& stress, double& mean_axial_strain) const {
     std::vector<float> ratios, axial;
@@ -96,13 +79,7 @@ class ReferenceStress : public ModulusMethod {
       axial.push_back(measured.axial_strain[n]);
       ratios.push_back(measured.axial_strain[n] / stress[n]);
     }
-    if (axial.empty())
-      throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
-    mean_axial_strain = median(axial);
-    if (!(std::abs(mean_axial_strain) >= options_.min_strain))
-      throw NoCompression(fmt::format(
-          "the median axial strain is {:.3g} %, less than {:.3g} %: press further between the frames",
-          100 * mean_axial_strain, 100 * options_.min_strain));
+    mean_axial_strain = mean_strain(std::move(axial));
     return median(ratios);
   }
 
@@ -111,13 +88,12 @@ class ReferenceStress : public ModulusMethod {
     const Array<float> reference = queue_.array(stress), raw = queue_.array<float>(grid.size()),
                        smooth = queue_.array<float>(grid.size());
     const auto nx = static_cast<int>(grid.nx), ny = static_cast<int>(grid.ny);
-    const double rows = (options_.near_field_m - grid.origin_y_m) / grid.dy_m;
+    const double rows = (kUnsaidDepthM - grid.origin_y_m) / grid.dy_m;
     const int first_row = std::max(0, static_cast<int>(std::ceil(rows)));
-    const Range range{{grid.size(), 1, 1}, {kModulusGroup, 1, 1}};
-    ratio_(range, measured.axial_strain, measured.trusted, reference, raw, nx, ny,
-           static_cast<float>(amplitude), static_cast<float>(scale),
-           static_cast<float>(options_.min_strain), static_cast<float>(options_.range), first_row);
-    median_(range, raw, smooth, nx, ny, options_.median_radius);
+    ratio_(over(grid.size()), measured.axial_strain, measured.trusted, reference, raw, nx, ny,
+           static_cast<float>(amplitude), static_cast<float>(scale), static_cast<float>(kMinStrain),
+           static_cast<float>(kRange), first_row);
+    median_(over(grid.size()), raw, smooth, nx, ny, kMedianRadius);
     return queue_.read(smooth);
   }
 

@@ -1,5 +1,7 @@
 #include "service/imaging/modulus/seed.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -9,8 +11,10 @@
 namespace teletact::service {
 namespace {
 
-// Part of the median modelled strain below which a node does not vote on the amplitude (ReferenceStress).
+// Part of the median modelled strain below which a node does not vote on the amplitude.
 constexpr double kMinReached = 0.5;
+// |log(E / background)| below the first is background, above the second it counts fully, between linearly.
+constexpr double kBackgroundBelow = 0.35, kFullAbove = 0.4;
 
 double amplitude(const ModelState& state, const AxialSlopes& slopes) {
   std::vector<double> modelled = state.along, ratios;
@@ -25,16 +29,28 @@ double amplitude(const ModelState& state, const AxialSlopes& slopes) {
 
 }  // namespace
 
+double mean_strain(std::vector<float> trusted_axial_strain) {
+  if (trusted_axial_strain.empty())
+    throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
+  const double mean = median(trusted_axial_strain);
+  if (!(std::abs(mean) >= kMinStrain))
+    throw NoCompression(fmt::format(
+        "the median axial strain is {:.3g} %, less than {:.3g} %: press further between the frames",
+        100 * mean, 100 * kMinStrain));
+  return mean;
+}
+
 Eigen::VectorXd shrunk_log_modulus(const StripModel& model, const ModulusInput& in,
-                                   const ModulusEstimate& map, Shrink by) {
+                                   const ModulusEstimate& map) {
   const std::vector<double> e = model.on_elements(map.youngs_modulus, in.measured.grid, map.background,
                                                   map.absolute ? in.known : kNothingKnown);
   Eigen::VectorXd out(static_cast<Eigen::Index>(e.size()));
   for (std::size_t k = 0; k < e.size(); ++k) {
     const double logarithm = std::log(e[k] / map.background), size = std::abs(logarithm);
-    const double kept = size >= by.above   ? size
-                        : size <= by.below ? 0
-                                           : by.above * (size - by.below) / (by.above - by.below);
+    const double kept = size >= kFullAbove ? size
+                        : size <= kBackgroundBelow
+                            ? 0
+                            : kFullAbove * (size - kBackgroundBelow) / (kFullAbove - kBackgroundBelow);
     out[static_cast<Eigen::Index>(k)] = std::copysign(kept, logarithm);
   }
   return out;
@@ -62,10 +78,10 @@ ForwardSolve solve_forward(StripModel& model, const Eigen::VectorXd& log_modulus
   return out;
 }
 
-double force_scale(const ModulusInput& in, const ForwardSolve& forward) {
+double force_scale(const ModulusInput& in, double modelled_n_per_m, double amplitude_m) {
   if (!in.force) return 1;
   const double force_n_per_m = in.force->force_n / in.force->contact_area_m2 * in.window_width_m;
-  return force_n_per_m / (forward.response.force_n_per_m * std::abs(forward.amplitude_m));
+  return force_n_per_m / (modelled_n_per_m * std::abs(amplitude_m));
 }
 
 void validate(const std::optional<ProbeForce>& force) {

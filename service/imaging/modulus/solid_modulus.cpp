@@ -15,7 +15,6 @@
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/modulus/seed.h"
 #include "service/imaging/modulus/sparse_factor.h"
-#include "service/imaging/modulus/strain_fit.h"
 #include "service/imaging/modulus/total_variation.h"
 #include "service/imaging/tracking/median.h"
 
@@ -28,20 +27,21 @@ using Eigen::VectorXd;
 constexpr double kModelLog = 0.05;  // of ln(strain) of a cell: what no such model explains
 // A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
 constexpr double kOverstep = 1.4;
-constexpr double kUnobservedLog = 0.6931;   // ln 2: of what no strain tells
-constexpr double kTiltLog = 0.25;       // of the tilt: the tissue's own ramp may look like it
+constexpr double kUnobservedLog = 0.6931;  // ln 2: of what no strain tells
+constexpr double kTiltLog = 0.25;          // of the tilt: the tissue's own ramp may look like it
+constexpr double kMaxTilt = 0.5;
 constexpr double kRangeLog = 3;         // of ln E about the background
 constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
-constexpr double kMaxRest = 0.15;      // of the strain, unexplained
-// Of the push, from the middle of the face to an end: more is no tilt. Where an end does not touch, the tilt
-// that is fitted goes to its bound.
+constexpr double kMaxRest = 0.15;       // of the strain, unexplained
+// Change of the push from the middle of the face to an end: more is no tilt. Where an end does not touch, the
+// tilt that is fitted goes to its bound.
 constexpr double kMaxUneven = 0.35;
-// Of a lump's ln E: a sphere and a cylinder of contrast 3 differ by 12 % in one slice (5: 14 %), and total
-// variation takes some.
+// Error of a lump's ln E: a sphere and a cylinder of contrast 3 differ by 12 % in one slice (5: 14 %), and
+// total variation takes some.
 constexpr double kOneSliceLog = 0.1;
 constexpr double kOneSliceOfBlockLog = 0.2;  // of tissue as wide as the probe, which a sphere may fill
 constexpr double kUnsettledLog = 0.5;        // of the last step, where the time ended before it was small
-// Of ln E about the background: what is stiffer hardly strains, so that how stiff it is nobody knows. As long
+// ln E about the background: stiffer tissue hardly strains, so that how stiff it is nobody knows. As long
 // as it bears little of the force, that does not matter.
 constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
 
@@ -53,14 +53,11 @@ TissueGrid mesh_of(const CellGrid& cells) {
   return grid;
 }
 
-// What a modulus that is observed cell by cell, with weights, and total variation agree on.
+// The least of |W^(1/2) (v - observed)|^2 / 2 + alpha TV(v) (T3.6), W the weights of the cells.
 class Denoiser {
  public:
-  Denoiser(const CellGrid& cells, const SolidModulusOptions& options)
-      : options_(options),
-        grid_(mesh_of(cells)),
-        variation_(grid_, options.tv_floor_per_m),
-        order_(nested_dissection(cells.columns, cells.rows)) {}
+  explicit Denoiser(const CellGrid& cells)
+      : grid_(mesh_of(cells)), variation_(grid_), order_(nested_dissection(cells.columns, cells.rows)) {}
   // From `v` on, by lagged diffusivity.
   VectorXd operator()(const VectorXd& observed, const VectorXd& weight, VectorXd v) {
     for (int step = 0; step < kLagged; ++step) {
@@ -80,12 +77,11 @@ class Denoiser {
   static constexpr double kMinWeight = 1e-6;  // so that a map of nothing has an answer
   void factorize(const VectorXd& weight, const VectorXd& v) {
     check_cancelled();
-    Eigen::SparseMatrix<double> matrix = options_.tv_per_m * variation_.lagged(v);
+    Eigen::SparseMatrix<double> matrix = kTvPerM * variation_.lagged(v);
     matrix.diagonal() += (weight.array() + kMinWeight).matrix();
     if (!factor_.analyzed()) factor_.analyze(matrix, order_);
     if (!factor_.factorize(matrix)) throw std::domain_error("the modulus of the cells is not determined");
   }
-  SolidModulusOptions options_;
   TissueGrid grid_;
   TotalVariation variation_;
   std::vector<int> order_;
@@ -94,17 +90,18 @@ class Denoiser {
 
 class SolidModulusMethod : public ModulusMethod {
  public:
-  SolidModulusMethod(const Queue& queue, const SolidModulusOptions& options,
-                     std::shared_ptr<StripCache> strips)
-      : options_(options),
-        fitter_(queue, options.strain, strips ? std::move(strips) : std::make_shared<StripCache>()) {}
+  SolidModulusMethod(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
+      : strain_(strain), fitter_(queue, strain, std::move(strips)) {}
 
   ModulusEstimate estimate(const ModulusInput& in) override {
     validate(in.force);
     ModulusEstimate out;
     out.kind = ModulusKind::kSolid;
     out.absolute = in.force.has_value();
-    out.mean_axial_strain = mean_strain(in.measured);
+    std::vector<float> trusted;
+    for (std::size_t n = 0; n < in.measured.grid.size(); ++n)
+      if (in.measured.strain_valid[n]) trusted.push_back(in.measured.axial_strain[n]);
+    out.mean_axial_strain = mean_strain(std::move(trusted));
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
     const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1);
@@ -115,24 +112,19 @@ class SolidModulusMethod : public ModulusMethod {
       out.model += fmt::format("; slices of it are known from {:.1f} to {:.1f} mm across the image",
                                1e3 * beside.front().offset_m, 1e3 * beside.back().offset_m);
     if (fit.hurried)
-      out.warnings.push_back(
-          {ModulusFlag::kDeadline,
-           "the probe's elevation or the tissue's depth was not stated, and there was no time "
-           "to fit it: it is taken as usual; state it, or give more time"});
+      out.warn(ModulusFlag::kDeadline,
+               "the probe's elevation or the tissue's depth was not stated, and there was no time to fit it: "
+               "it is taken as usual; state it, or give more time");
     if (fit.undoubted)
-      out.warnings.push_back(
-          {ModulusFlag::kDeadline,
-           fmt::format(
+      out.warn(ModulusFlag::kDeadline,
                "{:.0f} % of the strain is unexplained, and there was no time to try all of another depth, "
                "tissue that ends beside the probe, and one that slides; give more time",
-               100 * fit.rest)});
+               100 * fit.rest);
     if (fit.rest > kMaxRest)
-      out.warnings.push_back(
-          {ModulusFlag::kMisfit,
-           fmt::format(
-               "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it "
-               "looks homogeneous; check the probe's size and the tissue's depth and support",
-               100 * fit.rest)});
+      out.warn(ModulusFlag::kMisfit,
+               "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it looks "
+               "homogeneous; check the probe's size and the tissue's depth and support",
+               100 * fit.rest);
     const Found found = find(in, fit, beside, out);
     const double log_scale = in.force ? std::log(in.force->force_n / found.force_n) : 0;
     publish(in, fit, found, log_scale, out);
@@ -142,25 +134,13 @@ class SolidModulusMethod : public ModulusMethod {
   void forget() override { fitter_.forget(); }
 
  private:
+  static constexpr int kMaxSteps = 10;
+  static constexpr double kConvergedStep = 0.01;  // rms change of log E over the cells
+
   struct Found {
     VectorXd log_modulus, deviation;  // of the cells, E in Pa under which the probe bears force_n
     double force_n = 0;
   };
-
-  double mean_strain(const Measured& m) const {
-    std::vector<float> observed;
-    for (std::size_t n = 0; n < m.grid.size(); ++n)
-      if (m.strain_valid[n]) observed.push_back(m.axial_strain[n]);
-    if (observed.empty())
-      throw NoCompression("no node of the strain map can be trusted inside the tissue; check depth_m");
-    const double mean = median(observed);
-    if (!(std::abs(mean) >= options_.min_strain))
-      throw NoCompression(
-          fmt::format("the median axial strain is {:.3g} %, less than {:.3g} %: press further "
-                      "between the frames",
-                      100 * mean, 100 * options_.min_strain));
-    return mean;
-  }
 
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
   Found find(const ModulusInput& in, const ProbeFit& fit, const ProbedTissue::Planes& beside,
@@ -168,13 +148,12 @@ class SolidModulusMethod : public ModulusMethod {
     const CellGrid& cells = fit.tissue->cells();
     const auto size = static_cast<Index>(cells.size());
     // Cells share what the strain's kernel covers.
-    const double share =
-        cells.spacing_m * cells.row_m / (options_.strain.kernel_axial_m * options_.strain.kernel_lateral_m);
+    const double share = cells.spacing_m * cells.row_m / (strain_.kernel_axial_m * strain_.kernel_lateral_m);
     VectorXd weight = VectorXd::Zero(size);
     for (Index c = 0; c < size; ++c)
       if (fit.measured.observed[c] > 0)
         weight[c] = share / (std::pow(fit.measured.deviation[c], 2) + kModelLog * kModelLog);
-    Denoiser denoise(cells, options_);
+    Denoiser denoise(cells);
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;
     double tilt = 0, tilt_deviation = 0, took_s = 0;
@@ -183,18 +162,18 @@ class SolidModulusMethod : public ModulusMethod {
       return theta.maxCoeff() > kStiffLog ? 2 : in.force ? 1 : 0;
     };
     out.converged = false;
-    while (out.iterations < options_.max_steps) {
+    while (out.iterations < kMaxSteps) {
       const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
       if (out.iterations > 0 && left_s <= (1 + solves_after()) * took_s) {
-        out.warnings.push_back({ModulusFlag::kDeadline,
-                                fmt::format("the modulus of the solid was stopped by its time limit after {} "
-                                            "steps, before it had settled",
-                                            out.iterations)});
+        out.warn(
+            ModulusFlag::kDeadline,
+            "the modulus of the solid was stopped by its time limit after {} steps, before it had settled",
+            out.iterations);
         break;
       }
       check_cancelled();
       const auto response = fit.tissue->push(theta, tilt, beside);
-      const VectorXd strain = -as_measured(response.axial_strain, cells, options_.strain);
+      const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
       VectorXd residual = VectorXd::Zero(size);
       observed = weight;
       for (Index c = 0; c < size; ++c)
@@ -210,38 +189,37 @@ class SolidModulusMethod : public ModulusMethod {
       tilt_deviation = at.tilt_deviation * std::sqrt(kAlikeM2 / (cells.spacing_m * cells.row_m));
       residual += (tilt - before) * fit.by_tilt;
       const double level = level_of(residual, observed);
-      const VectorXd pseudo =
+      const VectorXd pseudo =  // log E + 1.4 (log S eps[E] - log eps), T3.6
           (theta + kOverstep * (residual.array() - level).matrix()).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
-      const bool first = out.iterations == 0;
-      VectorXd next = denoise(pseudo, observed / kOverstep, first ? VectorXd(filled(pseudo, observed)) : theta);
+      // Unobserved cells begin at the background.
+      const VectorXd start =
+          out.iterations == 0 ? VectorXd((observed.array() > 0).select(pseudo, 0.0)) : theta;
+      VectorXd next = denoise(pseudo, observed / kOverstep, start);
       moved = next - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       theta = std::move(next);
       ++out.iterations;
       if (in.seconds_left) took_s = std::max(took_s, left_s - in.seconds_left());
-      out.converged = change < options_.converged_step;
+      out.converged = change < kConvergedStep;
       if (out.converged) break;
     }
     if (std::abs(tilt) > kMaxUneven)
-      out.warnings.push_back(
-          {ModulusFlag::kMisfit,
-           fmt::format("the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to "
-                       "touch in part, and the modulus is off by a factor; press it flat",
-                       100 * std::abs(tilt), tilt > 0 ? "left" : "right")});
+      out.warn(ModulusFlag::kMisfit,
+               "the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to touch "
+               "in part, and the modulus is off by a factor; press it flat",
+               100 * std::abs(tilt), tilt > 0 ? "left" : "right");
     const bool stiff = theta.maxCoeff() > kStiffLog;
     if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, observed, beside);
     if (stiff) {
       const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, observed, beside);
       if (found.force_n > kMaxOfStiff * without_n)
-        out.warnings.push_back(
-            {ModulusFlag::kMisfit,
-             fmt::format(
-                 "the force would be {:.1f} times as large for places that hardly strain, over {:.0f} % "
-                 "of the window: there the face seems not to touch, and the modulus is off by a "
-                 "factor; press it flat",
-                 found.force_n / without_n,
-                 100 * static_cast<double>((theta.array() > kStiffLog).count()) /
-                     static_cast<double>(theta.size()))});
+        out.warn(
+            ModulusFlag::kMisfit,
+            "the force would be {:.1f} times as large for places that hardly strain, over {:.0f} % of the "
+            "window: there the face seems not to touch, and the modulus is off by a factor; press it flat",
+            found.force_n / without_n,
+            100 * static_cast<double>((theta.array() > kStiffLog).count()) /
+                static_cast<double>(theta.size()));
     }
     found.deviation = denoise.deviation(observed, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
@@ -259,7 +237,6 @@ class SolidModulusMethod : public ModulusMethod {
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
     return found;
   }
-  static constexpr double kMaxTilt = 0.5;
 
   // Each about its own background, 0 where it says nothing: their levels differ by their forces' errors.
   static ProbedTissue::Planes planes_beside(const ModulusInput& in, const ProbeFit& fit) {
@@ -281,19 +258,15 @@ class SolidModulusMethod : public ModulusMethod {
     return planes;
   }
 
-  // On the probe, N: of the push that leaves as much strain as was measured.
+  // The probe's force, N, under the push that leaves as much strain as was measured.
   double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& observed,
                     const ProbedTissue::Planes& beside) const {
     const auto response = fit.tissue->push(theta, tilt, beside);
-    const VectorXd strain = -as_measured(response.axial_strain, fit.tissue->cells(), options_.strain);
+    const VectorXd strain = -as_measured(response.axial_strain, fit.tissue->cells(), strain_);
     VectorXd residual = VectorXd::Zero(theta.size());
     for (Index c = 0; c < theta.size(); ++c)
       if (observed[c] > 0 && strain[c] > 0) residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
     return response.force_n * std::exp(-level_of(residual, observed)) / fit.tissue->force_share();
-  }
-
-  static VectorXd filled(const VectorXd& v, const VectorXd& observed) {
-    return (observed.array() > 0).select(v, 0.0);
   }
 
   static double level_of(const VectorXd& residual, const VectorXd& observed) {
@@ -320,15 +293,15 @@ class SolidModulusMethod : public ModulusMethod {
     normalise(out);
   }
 
-  SolidModulusOptions options_;
+  StrainOptions strain_;
   ProbeFitter fitter_;
 };
 
 }  // namespace
 
-std::unique_ptr<ModulusMethod> make_solid(Queue queue, SolidModulusOptions options,
+std::unique_ptr<ModulusMethod> make_solid(const Queue& queue, const StrainOptions& strain,
                                           std::shared_ptr<StripCache> strips) {
-  return std::make_unique<SolidModulusMethod>(queue, options, std::move(strips));
+  return std::make_unique<SolidModulusMethod>(queue, strain, std::move(strips));
 }
 
 }  // namespace teletact::service

@@ -1,7 +1,7 @@
-// A sparse Cholesky factor L L^T that looks up meanwhile (service/device/cancellation.h), row by row as Eigen's
-// SimplicialLLT: at the limits it takes seconds, and Eigen's cannot be left before its end. The order of a
-// rectangle of cells is nested dissection: it takes no time, and at the limits the factor has a third of the
-// operations that Eigen's minimum degree leaves it with.
+// A sparse Cholesky factor L L^T that looks up meanwhile (service/device/cancellation.h), row by row as
+// Eigen's SimplicialLLT: at the limits it takes seconds, and Eigen's cannot be left before its end. The order
+// of a rectangle of cells is nested dissection: it takes no time, and at the limits the factor has a third of
+// the operations that Eigen's minimum degree leaves it with.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,7 +18,7 @@ class SparseFactor {
  public:
   using Sparse = Eigen::SparseMatrix<double>;
   bool analyzed() const { return !column_.empty(); }
-  // Of all matrices of this pattern, symmetric, both halves there. `order`: the unknowns as they are
+  // Serves all matrices of this pattern, symmetric, both halves there. `order`: the unknowns as they are
   // eliminated.
   void analyze(const Sparse&, const std::vector<int>& order);
   // After analyze(). False: not positive definite. A factor that was left is no factor: call it again before

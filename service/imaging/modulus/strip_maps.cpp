@@ -124,8 +124,8 @@ std::vector<double> StripModel::on_elements(const Field& youngs_modulus, const I
       const bool near =
           std::abs(mirrored - x) <= 2 * kMirrorM && mirrored >= 0 && mirrored <= window_width_m_;
       out[grid_.element(i, j)] = std::isfinite(stated) ? stated * (x < 0 ? left : right)
-                                 : near              ? std::exp(logarithm_at(map, mirrored, j))
-                                                     : background;
+                                 : near                ? std::exp(logarithm_at(map, mirrored, j))
+                                                       : background;
     }
   }
   return out;
@@ -145,9 +145,9 @@ double StripModel::known_over_element(const KnownModulus& known, std::size_t col
   return count > 0 ? std::exp(sum / count) : kUnknown;
 }
 
-// What is known beside the window has its own error of scale, a few percent, which the border would turn into
-// false stiffness: log of the factor that makes it meet the window's own map at this border, the median over
-// depth.
+// The modulus that is known beside the window has its own error of scale, a few percent, which the border
+// would turn into false stiffness: log of the factor that makes it meet the window's own map at this border,
+// the median over depth.
 double StripModel::matching_shift(const KnownModulus& known, bool left, const WindowMap& map) const {
   std::vector<double> shifts;
   for (std::size_t j = 0; j + 1 < grid_.ny(); ++j)
@@ -156,7 +156,8 @@ double StripModel::matching_shift(const KnownModulus& known, bool left, const Wi
       const double outside = left ? -distance : window_width_m_ + distance;
       const double inside = left ? distance : window_width_m_ - distance;
       const double stated = known(window_x_m_ + outside, 0.5 * (grid_.y_m[j] + grid_.y_m[j + 1]));
-      if (stated > 0 && std::isfinite(stated)) shifts.push_back(logarithm_at(map, inside, j) - std::log(stated));
+      if (stated > 0 && std::isfinite(stated))
+        shifts.push_back(logarithm_at(map, inside, j) - std::log(stated));
     }
   return median(shifts);
 }

@@ -332,8 +332,8 @@ bool StripCache::Key::same(const Key& k) const {
 
 namespace {
 
-// Of a model: its factor, whose fill was measured on strips of 5e3 to 2e5 unknowns, its matrix and where
-// elements add to it; and what is needed for a moment to lay them out.
+// Memory of a model: its factor, whose fill was measured on strips of 5e3 to 2e5 unknowns, its matrix and
+// where elements add to it; and what is needed for a moment to lay them out.
 struct ModelBytes {
   std::uint64_t kept, making;
 };

@@ -16,7 +16,7 @@
 
 namespace teletact::service {
 
-// What the probe does when it pushes its face down by 1 m (linear, so any unit).
+// Answer of the strip to a face that is pushed down by 1 m (linear, so any unit).
 struct StripResponse {
   std::vector<double> stress;        // E eps_yy at the centre of every element, Pa (< 0); eps_yy where E = 1
   std::vector<double> displacement;  // [dof], 1 under the probe
@@ -53,7 +53,8 @@ class StripModel {
   // How the displacement changes with the modulus, by the factor of the latest solve(), whose response is
   // `at`:
   //   change: K^-1 (- sum_e change_pa_e K_e u_e), [dof], 0 where the displacement is prescribed
-  //   sensitivity: per element - (K^-1 load) . K_e u_e, the derivative of load . u by its modulus (adjoint)
+  //   sensitivity (T3.3): per element - (K^-1 load) . K_e u_e, the derivative of load . u by its modulus
+  //   (adjoint)
   std::vector<double> change(const StripResponse& at, const std::vector<double>& change_pa);
   std::vector<double> sensitivity(const StripResponse& at, const std::vector<double>& load);
   // change() with E of each group of elements grown alike by 1 (of log E): the axial displacement, [node]

@@ -1,4 +1,4 @@
-// What is stated of the tissue under the probe, beside its frames: force, extent, plane, modulus of its
+// Statements about the tissue under the probe, beside its frames: force, extent, plane, modulus of its
 // neighbourhood.
 #pragma once
 
@@ -13,7 +13,7 @@ struct ProbeForce {
   double contact_area_m2 = 0;
 };
 
-// What the tissue does across the image plane: nothing (thick tissue between its neighbours), whatever leaves
+// Strain of the tissue across the image plane: none (thick tissue between its neighbours), whatever leaves
 // it free of stress there (a thin slice), or what a narrow probe on wide tissue makes it do.
 enum class Plane { kStrain, kStress, kSolid };
 
@@ -33,7 +33,7 @@ struct TissueExtent {
 
 // Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and
 // depth y_m, NaN where unknown, and the standard deviation of its logarithm, NaN where that is not known.
-// What lies beyond the window's borders draws stress to itself and so shows in the window.
+// Tissue beyond the window's borders draws stress to itself and so shows in the window.
 struct KnownModulus {
   std::function<double(double x_m, double y_m)> modulus_pa = {}, log_deviation = {};
   double operator()(double x_m, double y_m) const { return modulus_pa(x_m, y_m); }

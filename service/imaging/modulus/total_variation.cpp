@@ -17,13 +17,12 @@ std::vector<double> between_centres(const std::vector<double>& coordinates) {
 
 }  // namespace
 
-TotalVariation::TotalVariation(const TissueGrid& grid, double floor_per_m)
+TotalVariation::TotalVariation(const TissueGrid& grid)
     : grid_(grid),
       nx_(grid.nx() - 1),
       ny_(grid.ny() - 1),
       to_right_(between_centres(grid.x_m)),
-      to_below_(between_centres(grid.y_m)),
-      floor_per_m_(floor_per_m) {}
+      to_below_(between_centres(grid.y_m)) {}
 
 double TotalVariation::area(std::size_t i, std::size_t j) const {
   return (grid_.x_m[i + 1] - grid_.x_m[i]) * (grid_.y_m[j + 1] - grid_.y_m[j]);
@@ -35,14 +34,14 @@ TotalVariation::Gradient TotalVariation::gradient(const Eigen::VectorXd& v, std:
   Gradient g;
   if (i + 1 < nx_) g.right = (at(i + 1, j) - at(i, j)) / to_right_[i];
   if (j + 1 < ny_) g.below = (at(i, j + 1) - at(i, j)) / to_below_[j];
-  g.size = std::sqrt(g.right * g.right + g.below * g.below + floor_per_m_ * floor_per_m_);
+  g.size = std::sqrt(g.right * g.right + g.below * g.below + kTvFloorPerM * kTvFloorPerM);
   return g;
 }
 
 double TotalVariation::value(const Eigen::VectorXd& v) const {
   double sum = 0;
   for (std::size_t j = 0; j < ny_; ++j)
-    for (std::size_t i = 0; i < nx_; ++i) sum += area(i, j) * (gradient(v, i, j).size - floor_per_m_);
+    for (std::size_t i = 0; i < nx_; ++i) sum += area(i, j) * (gradient(v, i, j).size - kTvFloorPerM);
   return sum;
 }
 

@@ -10,9 +10,13 @@
 
 namespace teletact::service {
 
+inline constexpr double kTvPerM =
+    5000;  // alpha: what a metre of a unit jump costs, in half squares of the data
+inline constexpr double kTvFloorPerM = 50;  // gradient below which the variation is quadratic
+
 class TotalVariation {
  public:
-  TotalVariation(const TissueGrid&, double floor_per_m);
+  explicit TotalVariation(const TissueGrid&);
   double value(const Eigen::VectorXd& v) const;  // less that of a constant
   Eigen::SparseMatrix<double> lagged(const Eigen::VectorXd& v) const;
 
@@ -25,7 +29,6 @@ class TotalVariation {
   const TissueGrid& grid_;
   std::size_t nx_, ny_;                      // elements
   std::vector<double> to_right_, to_below_;  // distances of centres; 0 after the last
-  double floor_per_m_;
 };
 
 }  // namespace teletact::service

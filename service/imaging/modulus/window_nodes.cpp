@@ -67,19 +67,19 @@ Field WindowNodes::on_image(const std::vector<double>& values, const ImageGrid& 
   return out;
 }
 
-AxialSlopes axial_slopes(const WindowNodes& nodes, const Measured& measured, SlopeReach reach) {
+AxialSlopes axial_slopes(const WindowNodes& nodes, const Measured& measured) {
   const ImageGrid& image = measured.grid;
   const Field& axial_m = measured.axial_displacement;
   AxialSlopes out{std::vector<double>(nodes.size()), std::vector<double>(nodes.size()),
                   std::vector<std::uint8_t>(nodes.size(), 0)};
-  const double whole = reach.x_m * reach.y_m / (image.dx_m * image.dy_m);
+  const double whole = kSlopeReachXM * kSlopeReachYM / (image.dx_m * image.dy_m);
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     const std::size_t row = n / nodes.nx;
     if (n % nodes.nx == 0) check_cancelled();
     const double x = static_cast<double>(n % nodes.nx) * nodes.dx_m,
                  y = static_cast<double>(row) * nodes.dy_m;
-    const Span columns = span(x, reach.x_m, image.origin_x_m, image.dx_m, image.nx),
-               rows = span(y, reach.y_m, image.origin_y_m, image.dy_m, image.ny);
+    const Span columns = span(x, kSlopeReachXM, image.origin_x_m, image.dx_m, image.nx),
+               rows = span(y, kSlopeReachYM, image.origin_y_m, image.dy_m, image.ny);
     if (columns.last < columns.first || rows.last < rows.first) continue;
     PlaneFit fit;
     const auto at = [&](std::ptrdiff_t i, std::ptrdiff_t j) {
@@ -88,8 +88,8 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const Measured& measured, Slo
     const double origin = axial_m[at(columns.first, rows.first)];  // differences keep digits
     for (std::ptrdiff_t j = rows.first; j <= rows.last; ++j)
       for (std::ptrdiff_t i = columns.first; i <= columns.last; ++i) {
-        const double dx = (image.origin_x_m + static_cast<double>(i) * image.dx_m - x) / reach.x_m,
-                     dy = (image.origin_y_m + static_cast<double>(j) * image.dy_m - y) / reach.y_m;
+        const double dx = (image.origin_x_m + static_cast<double>(i) * image.dx_m - x) / kSlopeReachXM,
+                     dy = (image.origin_y_m + static_cast<double>(j) * image.dy_m - y) / kSlopeReachYM;
         const double weight = (1 - std::abs(dx)) * (1 - std::abs(dy));
         if (measured.displacement_valid[at(i, j)]) fit.add(dx, dy, weight, axial_m[at(i, j)] - origin);
       }
@@ -99,8 +99,8 @@ AxialSlopes axial_slopes(const WindowNodes& nodes, const Measured& measured, Slo
     fit.normal.computeInverseWithCheck(inverse, invertible, 1e-6 * std::pow(fit.weight, 3));
     if (!invertible) continue;
     const Eigen::Vector3d slopes = inverse * fit.load;
-    out.across[n] = slopes[1] / reach.x_m;
-    out.along[n] = slopes[2] / reach.y_m;
+    out.across[n] = slopes[1] / kSlopeReachXM;
+    out.along[n] = slopes[2] / kSlopeReachYM;
     out.measured[n] = 1;
   }
   return out;

@@ -1,5 +1,5 @@
-// What was measured, and what a forward model says, on the strip's nodes under the probe: the common ground
-// of the direct and the iterative modulus (T3.2, T3.3). Node (i, j) at (i dx_m, j dy_m) in window
+// Measurement and forward model on the strip's nodes under the probe: the common ground of the direct and the
+// iterative modulus (T3.2, T3.3). Node (i, j) at (i dx_m, j dy_m) in window
 // coordinates, index i + nx j.
 #pragma once
 
@@ -22,15 +22,13 @@ struct WindowNodes {
 };
 
 // Slopes of the axial displacement by plane fits over the nodes' neighbourhood, weights falling linearly to 0
-// at `reach` from the node (T2.4 with a kernel of its own: sharper than that of the strain map).
+// at the reach from the node (T2.4 with a kernel of its own: sharper than that of the strain map).
+inline constexpr double kSlopeReachXM = 1.5e-3, kSlopeReachYM = 1.2e-3;
 struct AxialSlopes {
   std::vector<double> across, along;   // du_y/dx, du_y/dy
   std::vector<std::uint8_t> measured;  // 1: enough of the neighbourhood is trusted
 };
-struct SlopeReach {
-  double x_m = 1.5e-3, y_m = 1.2e-3;
-};
-AxialSlopes axial_slopes(const WindowNodes&, const Measured&, SlopeReach);
+AxialSlopes axial_slopes(const WindowNodes&, const Measured&);
 
 // A forward model's answer on the nodes for a push of 1 m.
 struct ModelState {

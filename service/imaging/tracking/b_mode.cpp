@@ -8,7 +8,6 @@
 
 #include "service/device/cancellation.h"
 #include "service/imaging/tracking/sample_grid.h"
-#include "service/imaging/tracking/work_group.h"
 
 namespace teletact::service {
 namespace {

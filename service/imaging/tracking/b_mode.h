@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "service/device/device.h"
-#include "service/imaging/tracking/b_mode_image.h"
+#include "service/imaging/tracking/frame.h"
 
 namespace teletact::service {
 

@@ -8,31 +8,21 @@
 
 #include "service/device/cancellation.h"
 #include "service/imaging/tracking/interpolation.h"
+#include "service/imaging/tracking/sample_grid.h"
 #include "service/imaging/tracking/search.h"
-#include "service/imaging/tracking/work_group.h"
 
 namespace teletact::service {
 namespace {
 
 constexpr int kWarpRun = 16;                          // WARP_RUN of displacement.cl
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
+constexpr int kRefinements = 3;                       // Gauss-Newton steps, each with its own warp
+constexpr double kOutlierDistanceM = 12e-6;  // from the median of the neighbours' corrections, axially
 
-void require(bool condition, const char* message) {
-  if (!condition) throw std::invalid_argument(message);
-}
-
-void validate(const DisplacementOptions& o) {
-  require(o.max_strain > 0 && o.max_strain <= kLargestMaxStrain,
-          "max_strain: must be above 0 and at most 0.125");
-  require(o.lateral_search_m >= 0 && o.lateral_search_m <= 5e-3, "lateral_search_m: must be 0 to 5e-3 m");
-  require(o.grid_dx_m > 0 && o.grid_dy_m > 0, "grid_dx_m, grid_dy_m: must be above 0 m");
-  require(o.window_axial_m > 0 && o.window_axial_m <= 0.02 && o.window_lateral_m > 0 &&
-              o.window_lateral_m <= 0.02,
-          "window_axial_m, window_lateral_m: must be above 0 and at most 0.02 m");
-  require(o.coarse_window_axial_m > 0 && o.coarse_window_axial_m <= 0.02 && o.coarse_window_lateral_m > 0 &&
-              o.coarse_window_lateral_m <= 0.02,
-          "coarse_window_axial_m, coarse_window_lateral_m: must be above 0 and at most 0.02 m");
-  require(o.refinements >= 1 && o.refinements <= 20, "refinements: must be 1 to 20");
+double checked(double max_strain) {
+  if (!(max_strain > 0 && max_strain <= kLargestMaxStrain))
+    throw std::invalid_argument("max_strain: must be above 0 and at most 0.125");
+  return max_strain;
 }
 
 }  // namespace
@@ -80,11 +70,11 @@ struct DisplacementEstimator::Workspace {
 DisplacementEstimator::Workspace::Workspace(const RfFrame& frame, const AcquisitionGeometry& g,
                                             const DisplacementOptions& o)
     : geometry(g),
-      plan(frame, g, o),
+      plan(frame, g, o.max_strain),
       period(static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz)),
       pad(padding(frame, plan.margin_samples() + plan.fine.window.half_axial + 4, plan.margin_lines())) {
-  found.grid = centred_grid(frame, whole_steps(o.grid_dx_m, plan.line_pitch_m),
-                            std::max(kMinStep, whole_steps(o.grid_dy_m, plan.sample_pitch_m)));
+  found.grid = centred_grid(frame, whole_steps(kGridDxM, plan.line_pitch_m),
+                            std::max(kMinStep, whole_steps(kGridDyM, plan.sample_pitch_m)));
 }
 
 void DisplacementEstimator::Workspace::allocate(const Queue& q, const DisplacementOptions& o) {
@@ -105,7 +95,7 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const Displaceme
     *array = q.array<float>(2 * image_nodes);
   found.trusted = q.array<std::uint8_t>(image_nodes);
   refinement =
-      std::make_unique<Refinement>(q, o.regularisation, found.grid, plan.line_pitch_m, plan.sample_pitch_m);
+      std::make_unique<Refinement>(q, o.refinement, found.grid, plan.line_pitch_m, plan.sample_pitch_m);
 }
 
 // About what allocate() and the refinement take: asked for as a whole, so that nothing is taken in vain.
@@ -123,9 +113,8 @@ void DisplacementEstimator::require_fits(const RfFrame& frame, const Acquisition
 }
 
 DisplacementEstimator::DisplacementEstimator(Queue queue, DisplacementOptions options)
-    : queue_(std::move(queue)), options_(options) {
-  validate(options_);
-  kernels_ = std::make_unique<Kernels>(queue_);
+    : queue_(std::move(queue)), options_(options), kernels_(std::make_unique<Kernels>(queue_)) {
+  checked(options_.max_strain);
 }
 
 DisplacementEstimator::~DisplacementEstimator() = default;
@@ -136,22 +125,15 @@ void DisplacementEstimator::forget() {
 
 void DisplacementEstimator::set_max_strain(double max_strain) {
   if (max_strain == options_.max_strain) return;
-  DisplacementOptions other = options_;
-  other.max_strain = max_strain;
-  validate(other);
-  options_ = other;
+  options_.max_strain = checked(max_strain);
   work_.reset();
 }
 
-namespace {
-
-// One item per kWarpRun samples of a line.
-Range over_samples(int samples, int lines) {
-  const auto runs = static_cast<std::size_t>((samples + kWarpRun - 1) / kWarpRun);
-  return {{runs, static_cast<std::size_t>(lines), 1}, {16, 1, 1}};
+// One item per `run` samples of a line.
+Range DisplacementEstimator::over_samples(int run) const {
+  const auto runs = static_cast<std::size_t>((work_->plan.samples + run - 1) / run);
+  return {{runs, static_cast<std::size_t>(work_->plan.lines), 1}, {16, 1, 1}};
 }
-
-}  // namespace
 
 // Levels 1 and 2: `field` on the fine grid.
 void DisplacementEstimator::search() {
@@ -160,9 +142,9 @@ void DisplacementEstimator::search() {
   w.search->coarse(kernels_->search, w.frames.pre, w.frames.post, w.candidate);
   kernels_->smooth(over(c.nodes()), w.candidate, w.field, c.nx, c.ny);
   warp(c, false);
-  resample(w.field, w.filtered, c, g);
+  kernels_->resample(over(g.nodes()), w.field, w.filtered, c, g);
   w.search->fine(kernels_->search, w.frames.pre, w.mean, w.filtered, w.candidate, w.found.correlation);
-  const auto threshold = static_cast<float>(options_.trusted_correlation - 0.2);
+  const auto threshold = static_cast<float>(kTrustedCorrelation - 0.2);
   kernels_->median_filter(over(g.nodes()), w.candidate, w.filtered, w.found.correlation, w.field, w.deviation,
                           g.nx, g.ny, 2, threshold, 0.5f, 0.15f * w.period);
   kernels_->smooth(over(g.nodes()), w.field, w.candidate, g.nx, g.ny);
@@ -174,24 +156,24 @@ void DisplacementEstimator::refine() {
   Workspace& w = *work_;
   DisplacementEstimate& found = w.found;
   const SampleGrid& g = found.grid;
-  const auto threshold = static_cast<float>(options_.trusted_correlation);
-  const auto tolerance = static_cast<float>(options_.outlier_distance_m / w.plan.sample_pitch_m);
-  resample(w.field, w.candidate, w.plan.fine.grid, g);
+  const auto threshold = static_cast<float>(kTrustedCorrelation);
+  const auto tolerance = static_cast<float>(kOutlierDistanceM / w.plan.sample_pitch_m);
+  kernels_->resample(over(g.nodes()), w.field, w.candidate, w.plan.fine.grid, g);
   std::swap(w.field, w.candidate);
   found.unsolved.reset();
-  for (int n = 0; n < options_.refinements; ++n) {
-    const bool last = n + 1 == options_.refinements;
+  for (int n = 0; n < kRefinements; ++n) {
+    const bool last = n + 1 == kRefinements;
     if (n > 0) std::swap(w.filtered, w.field);
     warp(g, true);
     const Autocorrelations a = w.refinement->measure(
         {w.mean, w.difference, w.pad.layout, w.plan.samples, w.plan.lines}, last, found.correlation);
     w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period, last);
     if (w.refinement->solved().reason != StopReason::kConverged) found.unsolved = w.refinement->solved();
-    if (n + 2 == options_.refinements) filter_frames(a);
+    if (n + 2 == kRefinements) filter_frames(a);
     kernels_->median_filter(over(g.nodes()), w.candidate, w.field, found.correlation, w.filtered, w.deviation,
                             g.nx, g.ny, 2, threshold, 0.25f, tolerance);
   }
-  found.noise = w.refinement->uncertainty(w.filtered, options_.refinements, found.information, found.std_m);
+  found.noise = w.refinement->uncertainty(w.filtered, kRefinements, found.information, found.std_m);
   kernels_->report(over(g.nodes()), w.filtered, found.correlation, w.deviation, found.field_m, found.trusted,
                    g.nodes(), static_cast<float>(w.plan.line_pitch_m),
                    static_cast<float>(w.plan.sample_pitch_m), threshold, tolerance);
@@ -200,27 +182,16 @@ void DisplacementEstimator::refine() {
 void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {
   Workspace& w = *work_;
   const Workspace::Frames& frames = w.matched ? w.filtered_frames : w.frames;
-  kernels_->warp(over_samples(w.plan.samples, w.plan.lines), frames.pre, frames.post, w.field, w.taps,
-                 w.series, w.mean, w.difference, pair ? 1 : 0, kInterpolationPhases, w.plan.lines,
-                 w.plan.samples, g, w.pad.layout);
-}
-
-void DisplacementEstimator::resample(const Array<float>& from, Array<float>& to, const SampleGrid& old,
-                                     const SampleGrid& g) {
-  kernels_->resample(over(g.nodes()), from, to, old, g);
+  kernels_->warp(over_samples(kWarpRun), frames.pre, frames.post, w.field, w.taps, w.series, w.mean,
+                 w.difference, pair ? 1 : 0, kInterpolationPhases, w.plan.lines, w.plan.samples, g,
+                 w.pad.layout);
 }
 
 void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
   Workspace& w = *work_;
-  MatchedFilter filter = matched_filter(a, kFilterSamples, kFilterLines);
-  if (!(options_.lateral_search_m > 0)) {  // each line by itself
-    filter.lateral.assign(kFilterLines + 1, 0.0f);
-    filter.lateral[0] = 1;
-  }
+  const MatchedFilter filter = matched_filter(a, kFilterSamples, kFilterLines);
   const Array<float> axial = queue_.array(filter.axial), lateral = queue_.array(filter.lateral);
-  const Range range{
-      {static_cast<std::size_t>(w.plan.samples + 7) / 8, static_cast<std::size_t>(w.plan.lines), 1},
-      {16, 1, 1}};
+  const Range range = over_samples(8);
   const auto both = [&](const Array<float>& from, Array<float>& to) {  // `mean` is free between two steps
     kernels_->filter_lines(range, from, w.mean, axial, kFilterSamples, 1, w.plan.samples, w.pad.layout);
     kernels_->filter_lines(range, w.mean, to, lateral, kFilterLines, w.pad.layout.stride, w.plan.samples,

@@ -5,7 +5,7 @@
 //   1. normalised cross-correlation over all axial lags and, a beam width apart, all lateral lags that the
 //      largest strain allows, 1 mm x 2 mm nodes; paths that neighbours can reach (find_paths) cure peak hops
 //      before they happen;
-//   2. search of a quarter period axially and of half of lateral_search_m around that, 1 mm x 1 mm nodes;
+//   2. search of a quarter period axially and of half of kLateralSearchM around that, 1 mm x 1 mm nodes;
 //   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid, regularised over the
 //      whole image (T2.3, refinement.h).
 // Between the levels outliers give way to the median of their neighbours. The last step runs on frames passed
@@ -15,6 +15,7 @@
 #include <memory>
 #include <optional>
 
+#include "service/base/choices.h"
 #include "service/device/device.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/refinement.h"
@@ -23,18 +24,17 @@
 namespace teletact::service {
 
 // Locally 1.6 times as much is searched, and frames are warped by 0.2 at most.
-constexpr double kLargestMaxStrain = 0.125;
+inline constexpr double kLargestMaxStrain = 0.125;
+inline constexpr double kLateralSearchM = 0.8e-3;               // magnitude, on the middle line
+inline constexpr double kGridDxM = 0.45e-3, kGridDyM = 0.4e-3;  // rounded to whole lines and samples
+inline constexpr double kFineWindowAxialM = 1.6e-3, kFineWindowLateralM = 1.2e-3;
+inline constexpr double kCoarseWindowAxialM = 0.8e-3, kCoarseWindowLateralM = 2.0e-3;
+inline constexpr double kTrustedCorrelation = 0.7;  // below it a node is not trusted
 
 struct DisplacementOptions {
-  RegularisationOptions regularisation;
-  double max_strain = 0.05;          // mean compression, magnitude; bounds the axial and the lateral search
-  double lateral_search_m = 0.8e-3;  // magnitude, on the middle line
-  double grid_dx_m = 0.45e-3, grid_dy_m = 0.4e-3;  // image grid, rounded to whole lines and samples
-  double window_axial_m = 1.6e-3, window_lateral_m = 1.2e-3;  // of the fine search
-  double coarse_window_axial_m = 0.8e-3, coarse_window_lateral_m = 2.0e-3;
-  int refinements = 3;                // Gauss-Newton steps, each with its own warp
-  double trusted_correlation = 0.7;   // below it a node is not trusted
-  double outlier_distance_m = 12e-6;  // from the median of the neighbours' corrections, axially
+  PcgOptions refinement = kRefinementSolve;
+  // Magnitude of the mean compression; bounds the axial and the lateral search.
+  double max_strain = choices::kMaxStrain;
 };
 
 // On the device, index i + nx j.
@@ -46,15 +46,16 @@ struct DisplacementEstimate {
   Array<float> std_m = {};        // standard deviation, 2 per node: lateral, axial
   Array<float> information = {};  // 2 per node, of the place: what `noise` turns into standard deviations
   std::shared_ptr<const NoiseStructure> noise = nullptr;
-  // Of a step's linear system that was not solved, the last such: the field is then not the best that the
-  // pair gives, and its deviation too small. Empty: all were.
+  // The last step whose linear system was not solved: the field is then not the best that the pair gives, and
+  // its deviation too small. Empty: all were.
   std::optional<PcgResult> unsolved = {};
 };
 
 // Not thread-safe: one queue, buffers kept for the next pair of the same geometry.
 class DisplacementEstimator {
  public:
-  // Throws std::invalid_argument for unusable options. What it allocates is charged to the queue's account.
+  // Throws std::invalid_argument for an unusable max_strain. What it allocates is charged to the queue's
+  // account.
   DisplacementEstimator(Queue, DisplacementOptions);
   ~DisplacementEstimator();
   // Throws std::invalid_argument where the coarse search of such frames would not fit in memory. Allocates
@@ -73,7 +74,7 @@ class DisplacementEstimator {
   void refine();
   void filter_frames(const Autocorrelations&);
   void warp(const SampleGrid&, bool pair);
-  void resample(const Array<float>& from, Array<float>& to, const SampleGrid& old, const SampleGrid&);
+  Range over_samples(int run) const;
 
   Queue queue_;
   DisplacementOptions options_;

@@ -1,11 +1,11 @@
 #include "service/imaging/tracking/input_checks.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numbers>
-#include <utility>
 
 #include "service/imaging/tracking/median.h"
 
@@ -15,12 +15,6 @@ namespace {
 constexpr double kFrequencyRatio = 1.5;
 constexpr std::size_t kLinesLookedAt = 16;
 constexpr double kMinMotionM = 5e-6;  // of one side over the other: well above what tracking is off by
-
-std::string in_mhz(double hz) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f MHz", hz * 1e-6);
-  return text;
-}
 
 // Median magnitude over the trusted nodes of the first (or last) tenth of the rows that have any.
 std::optional<double> motion(const ImageGrid& grid, const Field& axial,
@@ -62,10 +56,10 @@ std::optional<std::string> contradicted_frequency(const RfFrame& pre, const Acqu
   const double found = mean_frequency(pre, geometry.sampling_frequency_hz);
   const double ratio = found / geometry.center_frequency_hz;
   if (!(ratio > kFrequencyRatio || ratio < 1 / kFrequencyRatio)) return std::nullopt;
-  return "center_frequency_hz: " + in_mhz(geometry.center_frequency_hz) +
-         " is stated, but the frames are around " + in_mhz(found) + " if sampling_frequency_hz is " +
-         in_mhz(geometry.sampling_frequency_hz) +
-         ": one of the two is wrong, and with the latter every length";
+  return fmt::format(
+      "center_frequency_hz: {:.1f} MHz is stated, but the frames are around {:.1f} MHz if "
+      "sampling_frequency_hz is {:.1f} MHz: one of the two is wrong, and with the latter every length",
+      geometry.center_frequency_hz * 1e-6, found * 1e-6, geometry.sampling_frequency_hz * 1e-6);
 }
 
 std::optional<std::string> contradicted_frame(const AcquisitionGeometry& geometry, const ImageGrid& grid,
@@ -79,8 +73,7 @@ std::optional<std::string> contradicted_frame(const AcquisitionGeometry& geometr
            "side: PROBE?";
   if (geometry.frame == DisplacementFrame::kProbe && *top > *bottom + kMinMotionM)
     return "displacement_frame: PROBE is stated, where the probe's side rests, but it moves more than the "
-           "far "
-           "side: LAB?";
+           "far side: LAB?";
   return std::nullopt;
 }
 

@@ -1,7 +1,11 @@
-// What was measured of a pair of frames, on the host: downloaded once, read by everything that comes after.
+// A measured pair of frames on the host, downloaded once and read by everything that comes after; and whether
+// the pair could be tracked, and how well.
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "service/imaging/tracking/displacement.h"
@@ -9,6 +13,13 @@
 #include "service/imaging/tracking/strain.h"
 
 namespace teletact::service {
+
+// The pair cannot be tracked; what() says why and what to do.
+struct TrackingError : std::runtime_error {
+  enum class Reason { kNoSignal, kDecorrelated, kBeyondSearch, kNoCompression };
+  TrackingError(Reason why, const std::string& what) : std::runtime_error(what), reason(why) {}
+  Reason reason;
+};
 
 // Every field has grid.size() values, index i + nx j.
 struct Measured {
@@ -22,12 +33,22 @@ struct Measured {
       shear_strain_std;                    // standard deviations; NaN where the strain is
   std::vector<std::uint8_t> strain_valid;  // displacement and strain trusted
   double median_correlation = 0;           // of the textured nodes
-  double quality = 0;                      // of the pair, 0 to 1 (quality.h)
+  // The part of the nodes whose strain can be used, times 1 / (1 + (s / e)^2) with the medians over them of
+  // the strain's standard deviation s and magnitude e. 1: all tracked, strain far above its noise; one half:
+  // strain as large as its noise, or half of the nodes lost. 0 without any usable node.
+  double quality = 0;
 };
 
 // Fills what is of the displacement, and what is of the strain with the pair's quality; `grid` and
 // `median_correlation` are the caller's.
 void download(const Queue&, const DisplacementEstimate&, Measured&);
 void download(const Queue&, const StrainEstimate&, Measured&);
+
+// Over the nodes with texture (correlation as DisplacementEstimate has it). Throws TrackingError kNoSignal
+// when fewer than a tenth of the nodes have any.
+double median_correlation(const Field& correlation);
+
+// - lateral over axial strain, of the medians over the nodes whose strain is trusted; empty without any.
+std::optional<double> lateral_ratio(const Measured&);
 
 }  // namespace teletact::service

@@ -12,7 +12,6 @@ namespace {
 // The gradients of data_term in refinement.cl.
 constexpr double kAxial[] = {-1.0 / 60, 0.15, -0.75, 0, 0.75, -0.15, 1.0 / 60};
 constexpr double kLateral[] = {1.0 / 12, -2.0 / 3, 0, 2.0 / 3, -1.0 / 12};
-constexpr double kPassEdge = 0.30, kStopEdge = 0.36;  // of the sampling frequency
 
 // r at signed lags.
 class Lags {
@@ -116,6 +115,7 @@ NoiseModel noise_model(const Autocorrelations& a) {
   const double gy = mean.axial_gradient(0, 0), gx = mean.lateral_gradient(0, 0), dd = difference.at(0, 0);
   NoiseModel model;
   if (!(gy > 0 && gx > 0 && dd > 0)) return model;
+  // sum rho_gradient rho_difference over all lags (T2.3b)
   model.spread = {std::max(sum_x / (gx * dd), 0.2), std::max(sum_y / (gy * dd), 0.2)};
   model.sensitivity = {std::clamp(1 - 0.25 * difference.lateral_gradient(0, 0) / gx, 0.05, 1.0),
                        std::clamp(1 - 0.25 * difference.axial_gradient(0, 0) / gy, 0.05, 1.0)};

@@ -1,5 +1,5 @@
-// Second-order statistics of a motion-compensated pair: how much displacement information its pixels hold,
-// and the filter that gets the most out of them.
+// Second-order statistics of a motion-compensated pair (T2.3b): how much displacement information its pixels
+// hold, and the filter that gets the most out of them.
 //
 // mean = (pre + warped post) / 2 and difference = pre - warped post are uncorrelated when both frames carry
 // the same noise; the difference is all noise, the mean holds the common signal and half of the noise's

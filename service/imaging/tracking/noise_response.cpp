@@ -40,28 +40,14 @@ std::vector<double> over_waves(const Function& f) {
   return values;
 }
 
-std::vector<double> hat_shares(int line_step, int sample_step) {
-  std::vector<double> along, down, shares;
-  for (int n = 0; n < kWaves; ++n) {
-    along.push_back(hat_share(line_step, wave(n)));
-    down.push_back(hat_share(sample_step, wave(n)));
-  }
-  for (const double d : down)
-    for (const double a : along) shares.push_back(a * d);
-  return shares;
-}
-
-double information(double median, int entry) {
-  return median * std::ldexp(1.0, entry - DeviationTable::kBelow);
-}
-
 }  // namespace
 
 // Each step the pixels pull towards themselves and the edges towards the mean gradient.
 NoiseResponse::NoiseResponse(const SmootherResponse& s, double median, int line_step, int sample_step)
     : median_(median) {
   const int r = s.gradient_radius;
-  const std::vector<double> shares = hat_shares(line_step, sample_step);
+  const std::vector<double> shares =
+      over_waves([&](double a, double d) { return hat_share(line_step, a) * hat_share(sample_step, d); });
   const std::vector<double> stiff = over_waves([&](double a, double d) {
     return 2 * s.weight_along * (1 - std::cos(a)) + 2 * s.weight_down * (1 - std::cos(d));
   });
@@ -69,11 +55,11 @@ NoiseResponse::NoiseResponse(const SmootherResponse& s, double median, int line_
     return s.weight_along * std::sin(a) * std::sin(r * a) / r * box(r, d) +
            s.weight_down * std::sin(d) * std::sin(r * d) / r * box(r, a);
   });
-  for (int entry = 0; entry < DeviationTable::kEntries; ++entry) {
-    const double h = information(median, entry);
+  for (int entry = 0; entry < static_cast<int>(DeviationTable{}.size()); ++entry) {
+    const double h = median * std::ldexp(1.0, entry - kBelowMedian);
     for (std::size_t n = 0; n < shares.size(); ++n) {
       double t = 0;
-      for (int step = 0; step < s.steps; ++step)
+      for (int step = 0; step < s.steps; ++step)  // T(k) of T2.3c
         t += (h * shares[n] * (1 - t) - (stiff[n] - pull[n]) * t) / (h + stiff[n]);
       power_.push_back(t * t / (h * shares[n]));
       lost_.push_back(1 - t);
@@ -83,35 +69,34 @@ NoiseResponse::NoiseResponse(const SmootherResponse& s, double median, int line_
 }
 
 DeviationTable NoiseResponse::table(const Response& squared) const {
-  std::vector<double> gain;
-  for (int j = 0; j < kWaves; ++j)
-    for (int i = 0; i < kWaves; ++i) gain.push_back(squared(wave(i), wave(j)) / (kWaves * kWaves));
+  const std::vector<double> gain =
+      over_waves([&](double a, double d) { return squared(a, d) / (kWaves * kWaves); });
   DeviationTable table;
-  for (std::size_t entry = 0; entry < table.deviation.size(); ++entry) {
+  for (std::size_t entry = 0; entry < table.size(); ++entry) {
     double variance = 0;
     for (std::size_t n = 0; n < gain.size(); ++n) variance += gain[n] * power_[entry * gain.size() + n];
-    table.deviation[entry] = static_cast<float>(std::sqrt(variance));
+    table[entry] = static_cast<float>(std::sqrt(variance));
   }
   return table;
 }
 
 DeviationTable NoiseResponse::bias_noise(int radius) const {
-  DeviationTable table;
+  DeviationTable table{};
   const std::vector<double> averaged =
       over_waves([=](double a, double d) { return box(radius, a) * box(radius, d); });
   for (std::size_t n = 0; n < seen_.size(); ++n) {
     // power_ holds |T|^2 / (h m); of the bias seen only the edges' part differs from it.
     const double edges = lost_[n] < 1 ? seen_[n] / (1 - lost_[n]) : 0;
-    table.deviation[n / averaged.size()] +=
+    table[n / averaged.size()] +=
         static_cast<float>(power_[n] * std::pow(edges * averaged[n % averaged.size()], 2) /
                            static_cast<double>(averaged.size()));
   }
-  for (float& d : table.deviation) d = std::sqrt(d);
+  for (float& d : table) d = std::sqrt(d);
   return table;
 }
 
 DeviationTable NoiseResponse::bias_over_seen(int radius) const {
-  DeviationTable table;
+  DeviationTable table{};
   const std::vector<double> averaged =
       over_waves([=](double a, double d) { return box(radius, a) * box(radius, d); });
   const std::vector<double> jump =
@@ -123,7 +108,7 @@ DeviationTable NoiseResponse::bias_over_seen(int radius) const {
       lost += jump[n] * lost_[at] * lost_[at];
       seen += jump[n] * std::pow(seen_[at] * averaged[n], 2);
     }
-    table.deviation[entry] = static_cast<float>(seen > 0 ? std::sqrt(lost / seen) : 0);
+    table[entry] = static_cast<float>(seen > 0 ? std::sqrt(lost / seen) : 0);
   }
   return table;
 }

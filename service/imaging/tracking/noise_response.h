@@ -1,7 +1,7 @@
 // How the noise of a displacement estimate and of what is computed from it follows from the information that
-// the pixels hold: local Fourier analysis. The estimator is taken for a filter with the wave-number response
-// T(k) of a place where everything is as it is here, so that a linear functional with response S(k) has the
-// variance
+// the pixels hold (T2.3c): local Fourier analysis. The estimator is taken for a filter with the wave-number
+// response T(k) of a place where everything is as it is here, so that a linear functional with response S(k)
+// has the variance
 //   1 / (2 pi)^2  Int |S T|^2 / (h m) dk,
 // h the information of a node (1 / variance), m(k) the share of it that hat functions leave at wave number k
 // (neighbouring nodes share pixels). Wave numbers in radians per node. No boundary: a node at the border
@@ -23,20 +23,18 @@ struct SmootherResponse {
   int gradient_radius = 0, steps = 1;
 };
 
-// Standard deviation at the information median * 2^(n - kBelow), n = 0 .. kEntries - 1.
-struct DeviationTable {
-  static constexpr int kEntries = 32, kBelow = 20;
-  std::array<float, kEntries> deviation{};
-};
+// Standard deviation at the information median * 2^(n - kBelowMedian), n = 0 .. 31.
+using DeviationTable = std::array<float, 32>;
+inline constexpr int kBelowMedian = 20;
 
 class NoiseResponse {
  public:
   NoiseResponse() = default;
   // median: information that the tables are centred on; line_step, sample_step: of the hat functions.
   NoiseResponse(const SmootherResponse&, double median, int line_step, int sample_step);
-  // Of the functional with squared response `squared`.
+  // The functional with squared response `squared`.
   DeviationTable table(const Response& squared) const;
-  // Of the bias that the smoother's edges show, their pull over the information, averaged over (2 radius +
+  // The bias that the smoother's edges show, their pull over the information, averaged over (2 radius +
   // 1)^2 nodes: its deviation by noise alone; and what the bias truly is over what is seen so, root mean
   // square for a jump of strain across a curve (power of the displacement ~ k^-5). Zeros without edges.
   DeviationTable bias_noise(int radius) const;
@@ -46,7 +44,7 @@ class NoiseResponse {
  private:
   double median_ = 1;
   std::vector<double> power_;        // |T|^2 / (h m) of every entry and wave number
-  std::vector<double> lost_, seen_;  // 1 - T; T times the edges' force over h; the same, empty without edges
+  std::vector<double> lost_, seen_;  // 1 - T; T times the edges' force over h
 };
 
 // Squared response of the slopes that a least-squares plane over (2 half_columns + 1) x (2 half_rows + 1)

@@ -1,11 +1,10 @@
-#include "service/imaging/tracking/path_search.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <limits>
 
 #include "service/device/cancellation.h"
+#include "service/imaging/tracking/search.h"
 
 namespace teletact::service {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "service/imaging/tracking/median.h"
-#include "service/imaging/tracking/work_group.h"
+#include "service/imaging/tracking/sample_grid.h"
 
 namespace teletact::service {
 namespace {
@@ -14,9 +14,16 @@ namespace {
 constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTORS of refinement.cl
 constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
 constexpr int kBiasRadius = 1;            // BIAS_RADIUS of refinement.cl
-constexpr int kMaxFootprint = 6;         // nodes to each side over which information is averaged
-constexpr int kMaxNoiseLines = 10;       // that the autocorrelations are taken from
-constexpr double kMinStrain = 1e-4;     // strain below which the prior does not narrow any more
+constexpr int kMaxFootprint = 6;          // nodes to each side over which information is averaged
+constexpr int kMaxNoiseLines = 10;        // that the autocorrelations are taken from
+constexpr double kRough = 3;  // what a step that another follows may leave over, of what the last may
+
+// A step of strain is smoothed over about the smoothing length, chosen from the data between these limits:
+// the strain is taken to change by kStrainChange of its own median magnitude over kChangeLengthM, and the
+// noise is what was measured.
+constexpr double kStrainChange = 0.1, kChangeLengthM = 1e-3;
+constexpr double kMinStrain = 1e-4;  // below it the prior does not narrow any more
+constexpr double kShortestM = 0.25e-3, kLongestM[] = {1.5e-3, 1.0e-3};  // lateral, axial
 
 // Nodes to each side that share a bias, of a smoothing length in node steps. A bias rises and falls over
 // about two smoothing lengths to each side, edge_bias() averages one node and a half of them, and no bias is
@@ -60,7 +67,7 @@ class Refinement::NodePreconditioner : public LinearOperator<float> {
 
 Refinement::~Refinement() = default;
 
-Refinement::Refinement(const Queue& queue, const RegularisationOptions& options, const SampleGrid& grid,
+Refinement::Refinement(const Queue& queue, const PcgOptions& options, const SampleGrid& grid,
                        double line_pitch_m, double sample_pitch_m)
     : queue_(queue),
       options_(options),
@@ -70,11 +77,7 @@ Refinement::Refinement(const Queue& queue, const RegularisationOptions& options,
       dx_m_(grid.line_step * line_pitch_m),
       dy_m_(grid.sample_step * sample_pitch_m),
       kernels_(std::make_shared<Kernels>(queue)),
-      pcg_(queue, 2 * static_cast<std::size_t>(grid.nodes()), 1,
-           {.relative_error = 0,
-            .relative_residual = options.relative_residual,
-            .max_iterations = options.max_iterations,
-            .look_every = 4}),
+      pcg_(queue, 2 * static_cast<std::size_t>(grid.nodes()), 1, options),
       stencil_(
           std::make_shared<Array<float>>(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes())))),
       operator_(queue, stencil_, static_cast<std::size_t>(grid.nx), static_cast<std::size_t>(grid.ny)),
@@ -138,7 +141,7 @@ void Refinement::gather(const ImagePair& images, bool robust, Array<float>& corr
   find_medians();
 }
 
-// Of each component, over the nodes that hear anything.
+// Over the nodes that hear anything, component by component.
 void Refinement::find_medians() {
   const std::vector<float> all = queue_.read(information_);
   for (std::size_t c = 0; c < 2; ++c) {
@@ -150,7 +153,8 @@ void Refinement::find_medians() {
   }
 }
 
-// Smoothing lengths from the median information and strain, and the weights of the edges that belong to them.
+// Smoothing lengths l from the median information and strain, and the weights of the edges, w = h l^2 /
+// spacing^2 (T2.3).
 void Refinement::weigh(const Array<float>& field) {
   const SampleGrid& g = grid_;
   kernels_->local_gradient(over(g.nodes()), field, gradient_, g.nx, g.ny, kGradientRadius, kGradientRadius);
@@ -158,13 +162,12 @@ void Refinement::weigh(const Array<float>& field) {
   std::vector<float> strain;
   for (std::size_t n = 3; n < slopes.size(); n += 4) strain.push_back(std::abs(slopes[n]));
   const double typical = std::max(kMinStrain, median(strain) * sample_pitch_m_ / dy_m_);
-  const double change_m = options_.strain_change * typical * options_.change_length_m;
+  const double change_m = kStrainChange * typical * kChangeLengthM;
   const double pitch[] = {line_pitch_m_, sample_pitch_m_};
-  const double longest[] = {options_.longest_lateral_m, options_.longest_axial_m};
   for (std::size_t c = 0; c < 2; ++c) {
     const double information = std::max(median_information_[c], 1e-12);
     const double free = std::sqrt(dx_m_ * dy_m_ / information) * pitch[c] / change_m;
-    const double length = std::clamp(free, options_.shortest_m, longest[c]);
+    const double length = std::clamp(free, kShortestM, kLongestM[c]);
     smoothing_m_[c] = length;
     weights_[c] = static_cast<float>(information * length * length / (dx_m_ * dx_m_));
     weights_[2 + c] = static_cast<float>(information * length * length / (dy_m_ * dy_m_));
@@ -172,18 +175,14 @@ void Refinement::weigh(const Array<float>& field) {
   queue_.write(model_, weights_.data(), weights_.size());
 }
 
-void Refinement::solve(bool last) {
-  pcg_.options().relative_residual = (last ? 1 : kRough) * options_.relative_residual;
-  queue_.copy(rhs_, load_);
-  solved_ = pcg_.solve(operator_, *preconditioner_, 1, rhs_, load_, correction_).front();
-}
-
 void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit,
                       bool last) {
   weigh(field);
   kernels_->assemble(over(grid_.nodes()), terms_, noise_, information_, field, gradient_, model_, *stencil_,
                      rhs_, grid_.nx, grid_.ny);
-  solve(last);
+  pcg_.options().relative_residual = (last ? 1 : kRough) * options_.relative_residual;
+  queue_.copy(rhs_, load_);
+  solved_ = pcg_.solve(operator_, *preconditioner_, 1, rhs_, load_, correction_).front();
   kernels_->correct(over(grid_.nodes()), field, correction_, out, grid_.nodes(), lateral_limit, axial_limit);
 }
 
@@ -203,10 +202,9 @@ std::shared_ptr<const NoiseStructure> Refinement::uncertainty(const Array<float>
     }
   }
   footprint.insert(footprint.end(), place.begin(), place.end());
-  const SampleGrid& g = grid_;
   // The gradients still are those that the last step pulled towards: the edges' force is the one that it
   // left.
-  kernels_->edge_pull(over(g.nodes()), field, gradient_, model_, pull_, g.nx, g.ny);
+  kernels_->edge_pull(over(grid_.nodes()), field, gradient_, model_, pull_, grid_.nx, grid_.ny);
   look_up(*noise, footprint, information, deviation_m);
   return noise;
 }
@@ -217,7 +215,7 @@ void Refinement::look_up(const NoiseStructure& noise, const std::vector<int>& ra
   const auto add = [&](auto&& table_of) {
     for (const NoiseResponse& response : noise.response) {
       const DeviationTable table = table_of(response);
-      tables.insert(tables.end(), table.deviation.begin(), table.deviation.end());
+      tables.insert(tables.end(), table.begin(), table.end());
     }
   };
   add([](const NoiseResponse& r) { return r.table([](double, double) { return 1.0; }); });

@@ -23,17 +23,10 @@
 namespace teletact::service {
 
 inline constexpr int kGradientRadius = 3;
-inline constexpr double kRough = 3;  // what a step that another follows may leave over, of what the last may
-
-// Smoothing lengths of the lateral [0] and axial [1] component: a step of strain is smoothed over about this
-// length. Chosen from the data between the limits: the strain is taken to change by `strain_change` of its
-// own median magnitude over `change_length_m`, and the noise is what was measured.
-struct RegularisationOptions {
-  double strain_change = 0.1, change_length_m = 1e-3;
-  double shortest_m = 0.25e-3, longest_axial_m = 1.0e-3, longest_lateral_m = 1.5e-3;
-  double relative_residual = 3e-2;    // of the linear solve of the last step; others have kRough times that
-  std::size_t max_iterations = 200;  // of it; 15 to 30 are usual
-};
+// The linear solve of the last step; the steps before it may leave three times the residual. 15 to 30
+// iterations are usual.
+inline constexpr PcgOptions kRefinementSolve{
+    .relative_error = 0, .relative_residual = 3e-2, .max_iterations = 200, .look_every = 4};
 
 struct ImagePair {
   const Array<float>&mean, &difference;  // padded
@@ -49,12 +42,11 @@ struct NoiseStructure {
 
 class Refinement {
  public:
-  Refinement(const Queue&, const RegularisationOptions&, const SampleGrid&, double line_pitch_m,
-             double sample_pitch_m);
+  Refinement(const Queue&, const PcgOptions&, const SampleGrid&, double line_pitch_m, double sample_pitch_m);
   ~Refinement();
   // Reads a motion-compensated pair: noise, correlation per node (-2: no texture) and information; robust:
-  // pixels far off weigh less, and what companding makes of the pulse is taken off the noise
-  // (kernels/pulse.cl).
+  // pixels far off weigh less, and what companding makes of the pulse is taken off the noise (T2.3d,
+  // kernels/pulse.cl).
   Autocorrelations measure(const ImagePair&, bool robust, Array<float>& correlation);
   // From what was measured last: out = field + correction, at most `lateral_limit` lines and `axial_limit`
   // samples. `last`: no other step follows.
@@ -63,7 +55,7 @@ class Refinement {
   // field after `steps` steps, the bias by smoothing included.
   std::shared_ptr<const NoiseStructure> uncertainty(const Array<float>& field, int steps,
                                                     Array<float>& information, Array<float>& deviation_m);
-  // Of the last step, each lateral, axial: weights of the edges along i, of those along j, spread and
+  // The last step's, each lateral, axial: weights of the edges along i, of those along j, spread and
   // sensitivity of the noise.
   const std::vector<float>& model() const { return weights_; }
   const PcgResult& solved() const { return solved_; }  // the last step's linear solve
@@ -73,13 +65,12 @@ class Refinement {
   class NodePreconditioner;
   void gather(const ImagePair&, bool robust, Array<float>& correlation);
   void weigh(const Array<float>& field);
-  void solve(bool last);
   void find_medians();
   void look_up(const NoiseStructure&, const std::vector<int>& radii, Array<float>& information,
                Array<float>& deviation_m);
 
   Queue queue_;
-  RegularisationOptions options_;
+  PcgOptions options_;
   SampleGrid grid_;
   double line_pitch_m_, sample_pitch_m_, dx_m_, dy_m_;
   std::shared_ptr<Kernels> kernels_;

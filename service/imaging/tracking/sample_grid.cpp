@@ -1,5 +1,7 @@
 #include "service/imaging/tracking/sample_grid.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -17,27 +19,27 @@ namespace {
 
 void check_samples(const RfFrame& frame, const char* name) {
   if (frame.samples.size() != frame.sample_count * frame.line_count)
-    refuse(std::string(name) + ".samples: " + std::to_string(frame.samples.size()) + " values for " +
-           std::to_string(frame.sample_count) + " samples x " + std::to_string(frame.line_count) +
-           " lines; send the whole frame");
+    refuse(fmt::format("{}.samples: {} values for {} samples x {} lines; send the whole frame", name,
+                       frame.samples.size(), frame.sample_count, frame.line_count));
   for (std::size_t n = 0; n < frame.samples.size(); ++n) {
     if (n % frame.sample_count == 0) check_cancelled();
     if (!std::isfinite(frame.samples[n]))
-      refuse(std::string(name) + ".samples: not a finite number at sample " +
-             std::to_string(n % frame.sample_count) + " of line " + std::to_string(n / frame.sample_count) +
-             "; replace it (0 where nothing was recorded)");
+      refuse(
+          fmt::format("{}.samples: not a finite number at sample {} of line {}; replace it (0 where nothing "
+                      "was recorded)",
+                      name, n % frame.sample_count, n / frame.sample_count));
   }
 }
 
 void check_size(const RfFrame& pre, const RfFrame& post) {
   if (pre.sample_count != post.sample_count || pre.line_count != post.line_count)
-    refuse("post: " + std::to_string(post.sample_count) + " x " + std::to_string(post.line_count) +
-           " samples x lines, but pre has " + std::to_string(pre.sample_count) + " x " +
-           std::to_string(pre.line_count) + "; record both with the same settings");
+    refuse(
+        fmt::format("post: {} x {} samples x lines, but pre has {} x {}; record both with the same settings",
+                    post.sample_count, post.line_count, pre.sample_count, pre.line_count));
   if (pre.sample_count < 64 || pre.sample_count > 16384)
-    refuse("sample_count: " + std::to_string(pre.sample_count) + ", must be 64 to 16384");
+    refuse(fmt::format("sample_count: {}, must be 64 to 16384", pre.sample_count));
   if (pre.line_count < 8 || pre.line_count > 2048)
-    refuse("line_count: " + std::to_string(pre.line_count) + ", must be 8 to 2048");
+    refuse(fmt::format("line_count: {}, must be 8 to 2048", pre.line_count));
 }
 
 // The negated comparisons refuse NaN too.
@@ -56,8 +58,8 @@ void check_geometry(const AcquisitionGeometry& g) {
     refuse("first_sample_depth_m: must be 0 m or more and below 1 m");
 }
 
-// What a converter adds to the echoes (offset-binary samples): their median, where it is more than half of
-// what they deviate from it; echoes alone have a median of nearly 0, and silence stays silent.
+// Offset-binary samples stand about a constant that the converter adds: their median, where it is more than
+// half of what they deviate from it; echoes alone have a median of nearly 0, and silence stays silent.
 float converter_offset(const RfFrame& frame) {
   constexpr std::size_t kLookedAt = 8192;
   const std::size_t every = frame.samples.size() / kLookedAt + 1;
@@ -91,14 +93,12 @@ SampleGrid centred_grid(const RfFrame& frame, int line_step, int sample_step) {
 }
 
 ImageGrid image_grid(const SampleGrid& grid, const AcquisitionGeometry& geometry) {
-  ImageGrid image;
-  image.nx = static_cast<std::size_t>(grid.nx);
-  image.ny = static_cast<std::size_t>(grid.ny);
-  image.origin_x_m = (grid.first_line + 0.5) * geometry.line_pitch_m;
-  image.origin_y_m = geometry.first_sample_depth_m + grid.first_sample * geometry.sample_pitch_m();
-  image.dx_m = grid.line_step * geometry.line_pitch_m;
-  image.dy_m = grid.sample_step * geometry.sample_pitch_m();
-  return image;
+  return {static_cast<std::size_t>(grid.nx),
+          static_cast<std::size_t>(grid.ny),
+          (grid.first_line + 0.5) * geometry.line_pitch_m,
+          geometry.first_sample_depth_m + grid.first_sample * geometry.sample_pitch_m(),
+          grid.line_step * geometry.line_pitch_m,
+          grid.sample_step * geometry.sample_pitch_m()};
 }
 
 Padding padding(const RfFrame& frame, int samples, int lines) {

@@ -1,12 +1,21 @@
-// Nodes on the samples of a frame, and frames padded with zeros as the kernels of displacement.cl want them.
+// Nodes on the samples of a frame, frames padded with zeros as the kernels of this folder want them, and the
+// ranges that those kernels are launched over.
 #pragma once
 
 #include <cstddef>
 #include <vector>
 
+#include "service/device/device.h"
 #include "service/imaging/tracking/frame.h"
 
 namespace teletact::service {
+
+inline constexpr std::size_t kGroup = 32;  // WORK_GROUP of the kernels of imaging
+
+// One work-item a node.
+inline Range over(auto nodes) {
+  return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
+}
 
 // Node (i, j) lies at A-line first_line + i line_step, sample first_sample + j sample_step; index i + nx j.
 // An argument of kernels: Nodes of kernels/frames.clh.

@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "service/device/cancellation.h"
-#include "service/imaging/tracking/path_search.h"
-#include "service/imaging/tracking/work_group.h"
+#include "service/imaging/tracking/sample_grid.h"
 
 namespace teletact::service {
 namespace {
@@ -15,13 +14,13 @@ namespace {
 constexpr int kNccLaterals = 3;  // NCC_LATERALS of search.cl
 constexpr double kCoarseStepAxialM = 1e-3, kCoarseStepLateralM = 2e-3, kFineStepM = 1e-3;
 constexpr int kMaxCoarseColumns = 48, kMaxCoarseRows = 128;  // bound the correlation volume
-constexpr int kDecimation = 2;                                 // of the samples of the windows
-constexpr float kSlopeCost = 0.02f;    // correlation that one sample of lag change per coarse step is worth
+constexpr int kDecimation = 2;                               // of the samples of the windows
+constexpr float kSlopeCost = 0.02f;   // correlation that one sample of lag change per coarse step is worth
 constexpr double kMaxLags = 1 << 28;  // of the coarse search, all nodes together: 1 GB
 constexpr double kLateralStepM = 0.4e-3;    // of the coarse search, about the width of a beam
 constexpr float kLateralSlopeCost = 0.25f;  // as kSlopeCost, of one lateral step
-constexpr double kMinPeriods = 4;         // of the carrier in a coarse window
-// Of the strain over part of the depth to the mean compression: a stiff inclusion, the probe's and the
+constexpr double kMinPeriods = 4;           // of the carrier in a coarse window
+// The strain over part of the depth, over the mean compression: a stiff inclusion, the probe's and the
 // table's friction leave the softer tissue more than its share.
 constexpr double kLocalStrain = 1.6;
 constexpr int kSpareLags = 8;  // beyond what the largest strain asks for
@@ -30,12 +29,12 @@ constexpr float kFineReach = 8;  // samples: all of them
 
 }  // namespace
 
-SearchPlan::SearchPlan(const RfFrame& frame, const AcquisitionGeometry& g, const DisplacementOptions& o)
+SearchPlan::SearchPlan(const RfFrame& frame, const AcquisitionGeometry& g, double largest_strain)
     : samples(static_cast<int>(frame.sample_count)),
       lines(static_cast<int>(frame.line_count)),
       sample_pitch_m(g.sample_pitch_m()),
       line_pitch_m(g.line_pitch_m),
-      max_strain(o.max_strain) {
+      max_strain(largest_strain) {
   const double dy = sample_pitch_m, dx = line_pitch_m;
   coarse.grid =
       centred_grid(frame, std::max(whole_steps(kCoarseStepLateralM, dx), lines / kMaxCoarseColumns),
@@ -43,11 +42,10 @@ SearchPlan::SearchPlan(const RfFrame& frame, const AcquisitionGeometry& g, const
   fine.grid =
       centred_grid(frame, whole_steps(kFineStepM, dx), std::max(kMinStep, whole_steps(kFineStepM, dy)));
   // Nearly incompressible tissue widens by what it is compressed by, about the middle of the probe.
-  const bool sideways = o.lateral_search_m > 0;
   SearchLags& c = coarse.lags;
-  // The fine search looks half of lateral_search_m further.
-  c.lateral_min = static_cast<float>(o.lateral_search_m / 2 / dx);
-  c.lateral_slope = sideways ? static_cast<float>(max_strain) : 0.0f;
+  // The fine search looks half of kLateralSearchM further.
+  c.lateral_min = static_cast<float>(kLateralSearchM / 2 / dx);
+  c.lateral_slope = static_cast<float>(max_strain);
   const float lateral_max = std::max(c.lateral_min, c.lateral_slope * static_cast<float>(lines) / 2);
   c.lateral_step = std::min(whole_steps(kLateralStepM, dx), lines);
   const int sides = static_cast<int>(std::ceil(std::min<float>(lateral_max, static_cast<float>(lines)) /
@@ -60,7 +58,7 @@ SearchPlan::SearchPlan(const RfFrame& frame, const AcquisitionGeometry& g, const
   const bool probe_rests = g.frame == DisplacementFrame::kProbe;
   const double min_m = max_strain * (probe_rests ? g.first_sample_depth_m : deepest_m);
   c.min_reach = static_cast<float>(min_m / dy + kSpareLags);
-  c.reach_slope = static_cast<float>(probe_rests ? kLocalStrain * o.max_strain : 0.0);
+  c.reach_slope = static_cast<float>(probe_rests ? kLocalStrain * max_strain : 0.0);
   const int max_lag =
       static_cast<int>(std::min<double>(samples, std::ceil(max_strain * deepest_m / dy) + kSpareLags));
   c.chunks = 2 * ((max_lag + 7) / 8);
@@ -68,14 +66,12 @@ SearchPlan::SearchPlan(const RfFrame& frame, const AcquisitionGeometry& g, const
   // Under the largest strain the echoes of one window may not move apart by more than half a period.
   const auto period = static_cast<float>(g.sampling_frequency_hz / g.center_frequency_hz);
   const double widest_m = std::max(kMinPeriods, 0.5 / max_strain) * period * dy;
-  coarse.window = {std::min(half_width(std::min(o.coarse_window_axial_m, widest_m), dy), samples / 2),
-                   std::min(half_width(o.coarse_window_lateral_m, dx), lines / 2), kDecimation,
-                   c.lateral_step};
-  fine.window = {std::min(half_width(o.window_axial_m, dy), samples / 2),
-                 std::min(static_cast<int>(std::lround(o.window_lateral_m / 2 / dx)), lines / 2), kDecimation,
-                 c.lateral_step};
-  const int reach =
-      sideways ? std::max(c.lateral_step / 2, static_cast<int>(std::lround(c.lateral_min))) + 1 : 0;
+  coarse.window = {std::min(half_width(std::min(kCoarseWindowAxialM, widest_m), dy), samples / 2),
+                   std::min(half_width(kCoarseWindowLateralM, dx), lines / 2), kDecimation, c.lateral_step};
+  fine.window = {std::min(half_width(kFineWindowAxialM, dy), samples / 2),
+                 std::min(static_cast<int>(std::lround(kFineWindowLateralM / 2 / dx)), lines / 2),
+                 kDecimation, c.lateral_step};
+  const int reach = std::max(c.lateral_step / 2, static_cast<int>(std::lround(c.lateral_min))) + 1;
   fine.lags = {kFineFirstLag, 1, -reach, 1, 2 * reach + 1, kFineReach, 0, static_cast<float>(reach), 0};
   if (static_cast<double>(coarse.volume()) > kMaxLags)
     throw std::invalid_argument(
@@ -119,7 +115,8 @@ Search::Search(const Queue& queue, const SearchPlan& plan, const Padding& paddin
   fine_volume_ = queue_.array<float>(plan_.fine.volume());
 }
 
-// `volume`: correlations of the windows around the level's nodes.
+// sum pre post / sqrt(sum pre^2 sum post^2) over the window around each node, for every lag (T2.1), into
+// `volume`.
 void Search::correlate(SearchKernels& kernels, const SearchLevel& level, const Array<float>& pre,
                        const Array<float>& post, Array<float>& volume) {
   const SampleGrid& g = level.grid;

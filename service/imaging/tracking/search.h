@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "service/device/device.h"
 #include "service/imaging/tracking/displacement.h"
@@ -22,8 +23,8 @@ static_assert(sizeof(SearchWindow) == 4 * sizeof(int));
 struct SearchLags {
   int first = 0, chunks = 0;                              // axial lags first .. first + 8 chunks - 1
   int first_lateral = 0, lateral_step = 1, laterals = 0;  // lateral lags, lines
-  float min_reach = 0, reach_slope = 0;                 // of axial ones, samples: least + slope * sample
-  float lateral_min = 0, lateral_slope = 0;             // lines: or slope * distance from the middle
+  float min_reach = 0, reach_slope = 0;                   // of axial ones, samples: least + slope * sample
+  float lateral_min = 0, lateral_slope = 0;               // lines: or slope * distance from the middle
 };
 static_assert(sizeof(SearchLags) == 9 * sizeof(int));
 
@@ -39,7 +40,7 @@ struct SearchLevel {
 
 struct SearchPlan {
   // Throws std::invalid_argument where the coarse search would not fit in memory. Reads no sample.
-  SearchPlan(const RfFrame&, const AcquisitionGeometry&, const DisplacementOptions&);
+  SearchPlan(const RfFrame&, const AcquisitionGeometry&, double max_strain);
   int samples, lines;
   double sample_pitch_m, line_pitch_m, max_strain;
   SearchLevel coarse, fine;
@@ -53,6 +54,20 @@ struct SearchKernels {
   explicit SearchKernels(const Queue&);
   Kernel window_energy, best_lateral, laterals_at, ncc, ncc_peak;
 };
+
+// Hop-free start for the displacement: of all correlation peaks of a node, the one that its neighbours can
+// reach within the largest strain (dynamic programming along the rows and columns of the coarse grid).
+struct LagVolume {
+  int nx = 0, ny = 0, lag_count = 0;
+  std::vector<float> correlation;  // [node][lag], node i + nx j
+};
+
+// Lag of every node, in lags from the first, with a parabolic fraction. Minimises, summed over the four
+// directions,
+//   L(p, d) = 1 - correlation(p, d) + min over |e| <= reach of L(previous, d + e) + slope_cost |e|
+// (Hirschmueller's semi-global aggregation). reach_down: per coarse step along the columns, reach_across
+// along the rows.
+std::vector<float> find_paths(const LagVolume&, int reach_down, int reach_across, float slope_cost);
 
 class Search {
  public:

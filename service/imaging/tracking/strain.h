@@ -10,7 +10,6 @@ namespace teletact::service {
 struct StrainOptions {
   double kernel_axial_m = 2.5e-3,
          kernel_lateral_m = 2.0e-3;  // whole lengths, rounded to odd numbers of nodes
-  double min_fraction = 0.6;       // of the kernel's nodes that must be trusted
   double residual_limit_m = 6e-6;    // rms of the axial displacement about the plane
 };
 
@@ -25,7 +24,6 @@ struct StrainEstimate {
 
 class StrainEstimator {
  public:
-  // Throws std::invalid_argument for unusable options.
   StrainEstimator(Queue, StrainOptions);
   StrainEstimate estimate(const DisplacementEstimate&, const ImageGrid&);
 

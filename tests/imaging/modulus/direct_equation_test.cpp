@@ -7,7 +7,6 @@
 #include <random>
 #include <vector>
 
-#include "service/imaging/modulus/block_tridiagonal.h"
 #include "tests/reference/adjoint_weighted.h"
 
 namespace teletact::service {

@@ -54,7 +54,6 @@ class Gradient : public ::testing::TestWithParam<Plane> {
  protected:
   Gradient() : model(tissue(GetParam()), kWidthM), elements(model.grid().elements()) {
     theta = random_vector(elements, 0.4, 1);
-    options.prior_deviation = 1.3;
     measured.grid = kImage;
     const VectorXd noise = random_vector(kImage.size(), 2e-6, 2);
     for (std::size_t n = 0; n < kImage.size(); ++n) {
@@ -68,7 +67,7 @@ class Gradient : public ::testing::TestWithParam<Plane> {
   }
   ModulusProblem problem() {
     return {model, DisplacementData(model, measured, 0, kIndependentM2), random_vector(elements, 0.1, 3),
-            kBackgroundPa, options};
+            kBackgroundPa};
   }
   reference::ModulusObjective objective() const {
     const TissueGrid& g = model.grid();
@@ -84,20 +83,19 @@ class Gradient : public ::testing::TestWithParam<Plane> {
                           kImage.origin_y_m + double(n / kImage.nx) * kImage.dy_m,
                           measured.axial_displacement[n], measured.axial_displacement_std[n]});
     o.independence = kImage.dx_m * kImage.dy_m / kIndependentM2;
-    o.tv = options.tv_per_m, o.tv_floor_per_m = options.tv_floor_per_m;
+    o.tv = kTvPerM, o.tv_floor_per_m = kTvFloorPerM;
     o.prior = random_vector(elements, 0.1, 3);
     o.prior_weight = VectorXd(Index(elements));
     for (std::size_t e = 0; e < elements; ++e) {
       const std::size_t i = e % (g.nx() - 1), j = e / (g.nx() - 1);
       const bool beside = i < model.first_column() || i >= model.last_column();
-      o.prior_weight[Index(e)] = (beside ? options.prior_beside : 1) * (g.x_m[i + 1] - g.x_m[i]) *
-                                 (g.y_m[j + 1] - g.y_m[j]) / (1e-6 * std::pow(options.prior_deviation, 2));
+      o.prior_weight[Index(e)] = (beside ? kPriorBeside : 1) * (g.x_m[i + 1] - g.x_m[i]) *
+                                 (g.y_m[j + 1] - g.y_m[j]) / (1e-6 * std::pow(kPriorDeviation, 2));
     }
     return o;
   }
   StripModel model;
   std::size_t elements;
-  IterativeOptions options;
   VectorXd theta;
   Measured measured;
 };
@@ -124,7 +122,7 @@ TEST_P(Gradient, StepDescends) {
 }
 
 TEST_P(Gradient, OfTheVariationIsThatOfTheReference) {
-  const TotalVariation variation(model.grid(), options.tv_floor_per_m);
+  const TotalVariation variation(model.grid());
   const reference::ModulusObjective plain = objective();
   EXPECT_NEAR(variation.value(theta), plain.variation(theta), 1e-12 * plain.variation(theta));
   const VectorXd gradient = variation.lagged(theta) * theta;

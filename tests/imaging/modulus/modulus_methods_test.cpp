@@ -195,7 +195,7 @@ TEST(Methods, EveryPoissonRatioAndPlaneOnDisplacementOfTheStripItself) {
 // The clock is injected: each look costs 10 ms.
 TEST(Iterative, ReturnsItsBestByTheDeadlineAndSaysSo) {
   Phantom phantom({.contrast = 10});
-  const auto method = make_iterative(imaging_device()->queue(), {}, {});
+  const auto method = make_iterative(imaging_device()->queue());
   // A step and, after it, what tells how well its answer is known are expected to take 40 ms each.
   for (const double limit_s : {0.0, 0.045, 0.12, 1e3}) {
     ModulusInput in = phantom.input();
@@ -224,9 +224,7 @@ TEST(Iterative, ReturnsItsBestByTheDeadlineAndSaysSo) {
 TEST(Iterative, BeginsNoStepThatWouldEndLate) {
   Phantom phantom({.contrast = 10});
   ModulusInput in = phantom.input();
-  IterativeOptions options;
-  options.converged_step = 1e-9;
-  const auto method = make_iterative(imaging_device()->queue(), options, {});
+  const auto method = make_iterative(imaging_device()->queue());
   constexpr double kLimitS = 0.2;
   double now_s = 0;
   int looks = 0;  // two before the first step, then one before and one after each

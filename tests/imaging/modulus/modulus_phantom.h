@@ -102,10 +102,10 @@ class Phantom {
     const auto strips = std::make_shared<StripCache>();
     const auto method = kind == ModulusKind::kReferenceStress ? make_reference_stress(queue_, {}, strips)
                         : kind == ModulusKind::kDirect        ? make_direct(queue_, {}, strips)
-                                                              : make_iterative(queue_, {}, {}, strips);
+                                                              : make_iterative(queue_, strips);
     const ModulusInput in = input();
     ModulusEstimate out = method->estimate(in);
-    ModulusJudge(strips).judge(in, out);
+    judge(in, *strips, out);
     return out;
   }
 
@@ -130,7 +130,7 @@ class Phantom {
     for (std::size_t c = 0; c < 2; ++c) {
       noise->response[c] = NoiseResponse(SmootherResponse{1, 1, 3, 1}, kInformation, 1, 1);
       const DeviationTable whole = noise->response[c].table([](double, double) { return 1.0; });
-      noise->unit_m[c] = size_m[c] / static_cast<double>(whole.deviation[DeviationTable::kBelow]);
+      noise->unit_m[c] = size_m[c] / static_cast<double>(whole[kBelowMedian]);
     }
     displacement_.std_m = queue_.array(std_m);
     displacement_.information = queue_.array(information);

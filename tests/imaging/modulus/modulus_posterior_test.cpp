@@ -42,14 +42,13 @@ class Posterior : public ::testing::TestWithParam<double> {
     }
   }
   DisplacementData data() { return {model, measured, 0, kIndependentM2}; }
-  ModulusProblem problem() { return {model, data(), VectorXd::Zero(elements), kBackgroundPa, options}; }
+  ModulusProblem problem() { return {model, data(), VectorXd::Zero(elements), kBackgroundPa}; }
   bool under(Index e) const {
     const auto i = static_cast<std::size_t>(e) % (model.grid().nx() - 1);
     return i >= model.first_column() && i < model.last_column();
   }
   StripModel model;
   Index elements;
-  IterativeOptions options;
   VectorXd theta;
   Measured measured;
 };
@@ -75,8 +74,8 @@ TEST_P(Posterior, IsThatOfTheWholeMatrix) {
     j.col(e) = Eigen::Map<const VectorXd>(column.data(), j.rows());
   }
   const double texture = product.posterior(point, true).texture;
-  MatrixXd h = options.tv_per_m * TotalVariation(model.grid(), options.tv_floor_per_m).lagged(theta);
-  h.diagonal() += prior_weight(model, options);
+  MatrixXd h = kTvPerM * TotalVariation(model.grid()).lagged(theta);
+  h.diagonal() += prior_weight(model);
   EXPECT_EQ(texture == 1, GetParam() > 0.05) << texture;
   h = j.transpose() * j + h / texture;
   const MatrixXd covariance = h.llt().solve(MatrixXd::Identity(elements, elements));

@@ -111,30 +111,29 @@ double exact_deviation(const SmootherResponse& s, double h, int line_step, int s
 TEST(NoiseResponse, DeviationOfTheSmootherIsThatOfTheMatrices) {
   const SmootherResponse smoother{3.0, 4.5, 3, 2};
   const NoiseResponse response(smoother, 1.3, 2, 21);
-  const double got = response.table([](double, double) { return 1.0; }).deviation[DeviationTable::kBelow];
+  const double got = response.table([](double, double) { return 1.0; })[kBelowMedian];
   EXPECT_NEAR(got, exact_deviation(smoother, 1.3, 2, 21), 0.02 * got);
 }
 
 // Averaging and the smoothing itself hide part of the bias that the edges show; without edges there is none.
 TEST(NoiseResponse, WhatIsSeenOfTheSmoothingsBiasIsLessThanItIs) {
-  constexpr int kMiddle = DeviationTable::kBelow;
+  constexpr int kMiddle = kBelowMedian;
   const NoiseResponse response(SmootherResponse{3.0, 4.5, 3, 3}, 1.3, 2, 21);
-  const float near = response.bias_over_seen(1).deviation[kMiddle],
-              wide = response.bias_over_seen(2).deviation[kMiddle];
+  const float near = response.bias_over_seen(1)[kMiddle], wide = response.bias_over_seen(2)[kMiddle];
   EXPECT_GT(near, 1);
   EXPECT_LT(near, 4);
   EXPECT_GT(wide, near);
-  EXPECT_GT(response.bias_noise(1).deviation[kMiddle], response.bias_noise(2).deviation[kMiddle]);
-  EXPECT_GT(response.bias_noise(2).deviation[kMiddle], 0);
+  EXPECT_GT(response.bias_noise(1)[kMiddle], response.bias_noise(2)[kMiddle]);
+  EXPECT_GT(response.bias_noise(2)[kMiddle], 0);
   const NoiseResponse plain(SmootherResponse{0, 0, 3, 3}, 2.0, 1, 1);
-  EXPECT_EQ(plain.bias_noise(1).deviation[kMiddle], 0);
-  EXPECT_EQ(plain.bias_over_seen(1).deviation[kMiddle], 0);
+  EXPECT_EQ(plain.bias_noise(1)[kMiddle], 0);
+  EXPECT_EQ(plain.bias_over_seen(1)[kMiddle], 0);
 }
 
 // The slope of a least-squares line through independent nodes: variance / (sum of squares x columns).
 TEST(NoiseResponse, SlopeOfIndependentNodesIsTextbook) {
   const NoiseResponse response(SmootherResponse{0, 0, 3, 1}, 2.0, 1, 1);
-  const double got = response.table(plane_slope(1, 3, false)).deviation[DeviationTable::kBelow];
+  const double got = response.table(plane_slope(1, 3, false))[kBelowMedian];
   EXPECT_NEAR(got, std::sqrt(0.5 / (28.0 * 3)), 1e-3 * got);
 }
 

@@ -1,4 +1,4 @@
-#include "service/imaging/tracking/path_search.h"
+#include "service/imaging/tracking/search.h"
 
 #include <gtest/gtest.h>
 

@@ -65,7 +65,7 @@ reference::RfImage as_reference(const RfFrame& f) {
 }
 
 TEST_F(RefinementTest, StepMatchesTheReference) {
-  RegularisationOptions options;
+  PcgOptions options = kRefinementSolve;
   options.relative_residual = 1e-6;
   Refinement refinement(queue_, options, grid_, kLine, kSample);
   const auto nodes = static_cast<std::size_t>(grid_.nodes());
@@ -97,7 +97,7 @@ TEST_F(RefinementTest, StepMatchesTheReference) {
 
 TEST_F(RefinementTest, ACorrectionIsAsLongAsIsAllowedAtMost) {
   constexpr float kLateral = 0.02f, kAxial = 0.005f;
-  Refinement refinement(queue_, {}, grid_, kLine, kSample);
+  Refinement refinement(queue_, kRefinementSolve, grid_, kLine, kSample);
   const auto nodes = static_cast<std::size_t>(grid_.nodes());
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure(images(), true, correlation);
@@ -124,7 +124,7 @@ TEST_F(RefinementTest, ANodeThatHearsNothingItselfSaysNothing) {
       const auto at = static_cast<std::size_t>(k + 211 * l);
       mean_.samples[at] = difference_.samples[at] = 0;
     }
-  Refinement refinement(queue_, {}, grid_, kLine, kSample);
+  Refinement refinement(queue_, kRefinementSolve, grid_, kLine, kSample);
   Array<float> correlation = queue_.array<float>(static_cast<std::size_t>(grid_.nodes()));
   refinement.measure(
       {queue_.array(padded(mean_, pad_)), queue_.array(padded(difference_, pad_)), pad_.layout, 211, 23},
@@ -136,7 +136,7 @@ TEST_F(RefinementTest, ANodeThatHearsNothingItselfSaysNothing) {
 
 // Uniform strain costs nothing at the edges: only the difference moves the field, and here there is none.
 TEST_F(RefinementTest, UniformStrainStaysAsItIs) {
-  Refinement refinement(queue_, {}, grid_, kLine, kSample);
+  Refinement refinement(queue_, kRefinementSolve, grid_, kLine, kSample);
   Array<float> still = queue_.array<float>(pad_.total);
   queue_.fill_zero(still);
   const auto nodes = static_cast<std::size_t>(grid_.nodes());
@@ -153,7 +153,7 @@ TEST_F(RefinementTest, UniformStrainStaysAsItIs) {
 }
 
 TEST_F(RefinementTest, SilentFramesLeaveTheFieldAndSayThatNothingIsHeard) {
-  Refinement refinement(queue_, {}, grid_, kLine, kSample);
+  Refinement refinement(queue_, kRefinementSolve, grid_, kLine, kSample);
   Array<float> silent = queue_.array<float>(pad_.total);
   queue_.fill_zero(silent);
   const auto nodes = static_cast<std::size_t>(grid_.nodes());
