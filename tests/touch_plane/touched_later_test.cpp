@@ -106,7 +106,7 @@ TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLayersInUse) {
   EXPECT_GT(after.model_version, before.model_version);
 }
 
-TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
+TEST_F(TouchedLater, ByGradientsTheModelBeforeAnswersUntilTheNewOneIsReady) {
   TouchOptions options;
   options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());
@@ -122,7 +122,7 @@ TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
   EXPECT_GT(session.solve({0.045, -0.001}).model_version, before.model_version);
 }
 
-TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALayerIsMadeIsSaid) {
+TEST_F(TouchedLater, ByGradientsADeviceThatFailsWhileALayerIsMadeIsSaid) {
   TouchOptions options;
   options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());
