@@ -68,11 +68,11 @@ AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer& layer
   const auto columns_of = [](double begin_m, double end_m) {
     return (end_m - begin_m) / choices::kLawPitch + 2;
   };
-  if (columns_of(region.begin_x_m, region.end_x_m) * columns_of(region.begin_z_m, region.end_z_m) >
+  if (columns_of(region.begin_x_m, region.end_x_m) * columns_of(region.z->begin_m, region.z->end_m) >
       double(choices::kMaxLawColumns))
     return;
   x_m_ = lattice(region.begin_x_m, region.end_x_m);
-  z_m_ = lattice(region.begin_z_m, region.end_z_m);
+  z_m_ = lattice(region.z->begin_m, region.z->end_m);
   for (std::size_t lane = 0; lane < z_m_.size(); ++lane)
     for (const double x_m : x_m_) {
       LawColumn& column = places_.emplace_back().sampled;

@@ -17,9 +17,8 @@ namespace teletact::service {
 
 class AreaSampler final : public LawSampling {
  public:
-  // Over the whole region, what is nearest to `near_m` first. `apart`: the layer (TouchedLayer::apart).
-  // Where it cannot be touched columns end above, are missing, or stay
-  // guesses.
+  // Over the whole region, a solid's, what is nearest to `near_m` first. `apart`: the layer
+  // (TouchedLayer::apart). Where it cannot be touched columns end above, are missing, or stay guesses.
   AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer&, const Fingertip&, const Region&,
               const Vector3& near_m);
 

@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "service/base/choices.h"
@@ -17,15 +16,14 @@ namespace {
 constexpr std::chrono::seconds kRetry{1};
 
 bool has_law(const Layer& layer, const TouchedLayer& touched, const Region& region) {
-  return layer.normal == Layer{}.normal &&
-         (std::isfinite(region.begin_z_m) || touched.path() == SolvePath::kCompliance);
+  return layer.normal == Layer{}.normal && (region.z || touched.path() == SolvePath::kCompliance);
 }
 
 // Null: there is none.
 std::unique_ptr<LawSampling> sampler_of(const Fingertip& tip, const Layer& layer,
                                         const std::shared_ptr<TouchedLayer>& touched, const Region& region,
                                         const Vector3& near_m) {
-  if (!std::isfinite(region.begin_z_m))
+  if (!region.z)
     return std::make_unique<LawSampler>(touched, layer, tip, region.begin_x_m, region.end_x_m, near_m[0]);
   auto apart = touched->apart();
   return apart ? std::make_unique<AreaSampler>(std::move(apart), layer, tip, region, near_m) : nullptr;

@@ -111,7 +111,7 @@ class PlaneLayer final : public TouchedLayer {
 }  // namespace
 
 PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue, MemoryAccount account)
-    : TouchModel(std::move(account)),
+    : TouchModel(std::move(account), {.plane = tissue}),
       tissue_(std::move(tissue)),
       budget_(std::make_shared<PlaneBudget>(tissue_->problem())),
       compliances_(std::make_shared<PreparedCompliances>(tissue_)) {}

@@ -44,7 +44,7 @@ SolidLayer::SolidLayer(const SolidBlock& block, const std::shared_ptr<Device>& d
       around_x_m_(around(static_cast<double>(block.tissue.grid.nx) * block.tissue.grid.spacing_x_m,
                          region_.begin_x_m, region_.end_x_m)),
       around_z_m_(around(static_cast<double>(block.tissue.grid.nz) * block.tissue.grid.spacing_z_m,
-                         region_.begin_z_m, region_.end_z_m)),
+                         region_.z->begin_m, region_.z->end_m)),
       spacing_m_{block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m},
       account_(account),
       device_(device),
@@ -237,8 +237,8 @@ std::optional<DeformedLayer> SolidLayer::deformed(const Fingertip& tip, const To
   DeformedLayer out;
   const auto along_x = shown(grid.nx, origin_x_m_, grid.spacing_x_m, pose.position_m[0], region_.begin_x_m,
                              region_.end_x_m, out.x_m);
-  const auto along_z = shown(grid.nz, origin_z_m_, grid.spacing_z_m, pose.position_m[2], region_.begin_z_m,
-                             region_.end_z_m, out.z_m);
+  const auto along_z = shown(grid.nz, origin_z_m_, grid.spacing_z_m, pose.position_m[2], region_.z->begin_m,
+                             region_.z->end_m, out.z_m);
   std::vector<std::size_t> nodes;
   for (const std::size_t k : along_z)
     for (const std::size_t i : along_x) nodes.push_back(i + grid.nx * k);
@@ -288,7 +288,7 @@ bool SolidLayer::covers(const Fingertip& tip, const Vector3& position_m) const {
     return at >= begin && at < end && at - reach > begin - around && at + reach < end + around;
   };
   return inside(x, region_.begin_x_m, region_.end_x_m, around_x_m_) &&
-         inside(z, region_.begin_z_m, region_.end_z_m, around_z_m_);
+         inside(z, region_.z->begin_m, region_.z->end_m, around_z_m_);
 }
 
 void SolidLayer::require_covered(const Fingertip& tip, const TouchPose& pose) const {
@@ -298,7 +298,7 @@ void SolidLayer::require_covered(const Fingertip& tip, const TouchPose& pose) co
         fmt::format("pose: at x {:.4g} m, z {:.4g} m the tip is beside the solid, which reaches from "
                     "{:.4g} to {:.4g} m along x "
                     "and from {:.4g} to {:.4g} m along z",
-                    x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
+                    x, z, region_.begin_x_m, region_.end_x_m, region_.z->begin_m, region_.z->end_m));
 }
 
 ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) {

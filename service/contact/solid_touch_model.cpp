@@ -14,8 +14,9 @@
 
 namespace teletact::service {
 
-SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const SolidTouchModel* before)
-    : TouchModel(account), state_(std::make_shared<State>()) {
+SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account,
+                                 const std::shared_ptr<SolidState>& before)
+    : TouchModel(account, {.solid = std::make_shared<SolidState>()}), state_(made_of().solid) {
   validate(block.tissue);
   // The block and its copy that is touched, the factor while it is made, its shares of forces, and what
   // touches leave: 12 pairs of either friction.
@@ -23,12 +24,10 @@ SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const 
   state_->charge = account.charge(Place::kHost, "solids", 95 * grid.elements() + 3250 * grid.columns());
   state_->block = std::move(block);
   state_->account = std::move(account);
-  if (!before || take_over(*state_, *before->state_, nullptr)) return;
-  const std::lock_guard lock(before->state_->mutex);
+  if (!before || take_over(*state_, *before, nullptr)) return;
+  const std::lock_guard lock(before->mutex);
   // The oldest: what is begun of those between is not needed.
-  state_->before = before->state_->before          ? before->state_->before
-                   : before->state_->rows[0].asked ? before->state_
-                                                   : nullptr;
+  state_->before = before->before ? before->before : before->rows[0].asked ? before : nullptr;
 }
 
 std::pair<std::shared_ptr<SolidLayer>, std::shared_ptr<Device>> SolidTouchModel::ready(const State& state) {
@@ -57,15 +56,12 @@ std::shared_ptr<SolidTouchModel::State> SolidTouchModel::being_made_before() con
   return state_->before;
 }
 
-double SolidTouchModel::drift() const {
-  const auto surface = ready(*state_).first;
-  return surface ? surface->drift() : 0;
-}
-
-std::shared_ptr<const SolidTouchModel> SolidTouchModel::renewed(const MemoryAccount& account) const {
+std::shared_ptr<const TouchModel> SolidTouchModel::renewed(const MemoryAccount& account) const {
+  const auto [surface, device] = ready(*state_);
+  if (!surface || !(surface->drift() > choices::kMaxDrift)) return nullptr;
   auto fresh = std::make_shared<const SolidTouchModel>(state_->block, account);
   TouchWay way;
-  way.device = ready(*state_).second;
+  way.device = device;
   fresh->layer(Layer{}, way, {});
   return fresh;
 }

@@ -8,7 +8,8 @@
 
 namespace teletact::service {
 
-TouchModel::TouchModel(MemoryAccount account) : laws_(std::make_shared<ContactLaws>(std::move(account))) {}
+TouchModel::TouchModel(MemoryAccount account, MadeOf made_of)
+    : made_of_(std::move(made_of)), laws_(std::make_shared<ContactLaws>(std::move(account))) {}
 
 double indentation_m(const Layer& layer, const TouchPose& pose) {
   double along_m = 0;

@@ -10,7 +10,6 @@
 #include <compare>
 #include <cstddef>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,6 +24,8 @@ namespace teletact::service {
 
 class ContactLaws;
 class Device;
+class TissueModel;
+struct SolidState;
 
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  // row-major
@@ -46,11 +47,15 @@ struct Fingertip {
   bool operator==(const Fingertip&) const = default;
 };
 
-// What is covered, [begin, end) both ways; a plane covers every z.
+struct RangeZ {
+  double begin_m = 0, end_m = 0;
+  bool holds(double z_m) const { return z_m >= begin_m && z_m < end_m; }
+};
+
+// What is covered, [begin, end) both ways.
 struct Region {
   double begin_x_m = 0, end_x_m = 0;
-  double begin_z_m = -std::numeric_limits<double>::infinity(),
-         end_z_m = std::numeric_limits<double>::infinity();
+  std::optional<RangeZ> z = {};  // none: a plane's, whose tissue is the same at every z
 };
 
 // A plane of points in the undeformed tissue that a tip is pressed on: the surface, or one inside.
@@ -173,11 +178,18 @@ struct TouchCost {
   double operations = 0;  // in floating point, to get one ready: 0 where nothing has to be
 };
 
+// The tissue that a model is of, and what the model that takes its place may use again: a plane's, a solid's,
+// or none.
+struct MadeOf {
+  std::shared_ptr<const TissueModel> plane = {};
+  std::shared_ptr<SolidState> solid = {};
+};
+
 // The model that is touched: immutable once made, shared by any number of touch streams. Thread-safe.
 class TouchModel {
  public:
   // `account`: in whose name its contact laws are held.
-  explicit TouchModel(MemoryAccount account = {});
+  explicit TouchModel(MemoryAccount account = {}, MadeOf made_of = {});
   virtual ~TouchModel() = default;
   virtual const char* name() const = 0;           // of its kind, for logs
   virtual Region region() const = 0;              // where it can be touched
@@ -189,10 +201,14 @@ class TouchModel {
   // Throws std::out_of_range for a layer that it has not, and what making it ready throws, here or
   // elsewhere.
   virtual std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork& work) const = 0;
+  // What is to take its place once slices have worn it: ready, where it was; null while it serves.
+  virtual std::shared_ptr<const TouchModel> renewed(const MemoryAccount&) const { return nullptr; }
+  const MadeOf& made_of() const { return made_of_; }
   // What the forces of its layers are interpolated from, so that they can be felt far away.
   ContactLaws& laws() const { return *laws_; }
 
  private:
+  const MadeOf made_of_;
   const std::shared_ptr<ContactLaws> laws_;
 };
 

@@ -45,8 +45,8 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       options_(canonical(std::move(options))),
       layer_(scene_->layer_near(options_.layer_depth_m)),
       way_{.path = options_.path, .device = std::move(device), .client = options_.client} {
-  const auto given = scene_->snapshot()->modulus;
-  const bool solid = given && given->solid();
+  const auto snapshot = scene_->snapshot();
+  const bool solid = !snapshot->windows.empty() && snapshot->windows.front()->region.z;
   check(options_, layer_, solid, scene_->limits());
   way_.shares = has_shares(options_, layer_, solid);
   if (way_.shares) {  // laws are of each tolerance
@@ -93,10 +93,10 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
                     ? snapshot->window_at(x_m, window_ ? window_->id : 0, choices::kHandOver)
                     : nullptr;
   const double z_m = position_m[2];
-  if (window && (z_m < window->region.begin_z_m || z_m >= window->region.end_z_m)) {
+  if (window && window->region.z && !window->region.z->holds(z_m)) {
     answer.warning = fmt::format(
         "pose.position_m[2]: {:.4g} m is beside the tissue, which reaches from {:.4g} to {:.4g} m along z",
-        z_m, window->region.begin_z_m, window->region.end_z_m);
+        z_m, window->region.z->begin_m, window->region.z->end_m);
     window = nullptr;
   }
   if (!window) {
@@ -140,8 +140,7 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
 
 std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, const Vector3& near_m) const
     try {
-  const bool plane = !std::isfinite(window.region.begin_z_m);
-  if (plane && way_.path == SolvePath::kGradients) return nullptr;
+  if (!window.region.z && way_.path == SolvePath::kGradients) return nullptr;
   const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
   if (!touched) return nullptr;
   return window.model->laws().get(options_.fingertip, layer_, way_, touched, window.region, near_m,

@@ -17,7 +17,7 @@
 namespace teletact::service {
 namespace {
 
-constexpr Region kRegion{0, 0.03, -0.012, 0.012};
+constexpr Region kRegion{0, 0.03, RangeZ{-0.012, 0.012}};
 constexpr Vector3 kNear{0.01, 0, 0.004};
 
 // U = k d^2.4, k = 50 (1 + bumps sin(x / 10 mm) cos(z / 8 mm)); a guess of it is `guessed` times that.
@@ -222,7 +222,7 @@ TEST_F(Area, ATipThatIsAboveTheNodesStillHasItsDeeperRows) {
 }
 
 TEST_F(Area, TooWideATissueHasNone) {
-  sample({0, 0.3, 0, 0.3});
+  sample({0, 0.3, RangeZ{0, 0.3}});
   finish();
   EXPECT_TRUE(sampler->columns().empty());
   EXPECT_EQ(sampler->solves(), 0U);

@@ -29,7 +29,7 @@ SolidTouchModel model(double contrast, double deviation = 0) {
   block.tissue = solid(grid, 0.49, [=](double x, double y, double z) {
     return 1e4 * (std::hypot(x - 0.032, y - 0.007, z - 0.032) < 0.004 ? contrast : 1);
   });
-  block.region = {0, 0.064, 0, 0.064};
+  block.region = {0, 0.064, RangeZ{0, 0.064}};
   block.log_deviation = deviation;
   return {std::move(block), MemoryAccount{}};
 }
@@ -136,7 +136,7 @@ TEST(PlannedLayer, IsAnsweredByTheNodesUntilItHasLearned) {
 TEST(PlannedLayer, IsNotLeftForTheNodesBetweenVersions) {
   const SolidTouchModel before = model(1);
   before.layer({}, way(), {});
-  const SolidTouchModel next(before.block(), MemoryAccount{}, &before);
+  const SolidTouchModel next(before.made_of().solid->block, MemoryAccount{}, before.made_of().solid);
   std::vector<std::function<void()>> jobs;
   const TouchWork later = [&](const std::string&, std::function<void()> job) {
     jobs.push_back(std::move(job));
@@ -158,7 +158,7 @@ TEST(PlannedLayer, ThePlanSaysWhereTheNodesAnswer) {
 
 // Nodes of a hard lump at the surface: a deep tip has no contact there.
 TEST(PlannedLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
-  SolidBlock block = model(1).block();
+  SolidBlock block = model(1).made_of().solid->block;
   SolidTissue& tissue = block.tissue;
   tissue = solid(tissue.grid, 0.49, [](double x, double y, double z) {
     return std::hypot(x - 0.032, y - 0.002, z - 0.032) < 0.006 ? 3e5 : 1e4;

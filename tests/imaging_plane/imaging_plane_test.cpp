@@ -7,8 +7,8 @@
 #include <atomic>
 #include <thread>
 
-#include "service/device/fault.h"
 #include "service/device/cancellation.h"
+#include "service/device/fault.h"
 #include "service/scene/errors.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
@@ -53,7 +53,7 @@ class Plane : public testing::Test {
   ImagingPlane plane{devices,
                      scenes,
                      std::make_shared<MemoryBudget>(limits),
-                     plane_models(),
+                     tissue_models(),
                      [](std::size_t) { return Device::open(); },
                      [this](bool) { ++told; }};
   ImagingLane& lane = plane.lanes().front();

@@ -200,7 +200,7 @@ Place in_plane() {
   service::SceneGeometry geometry;
   geometry.width_m = kWidthM, geometry.depth_m = kDepthM;
   const auto layer =
-      service::plane_models()->of_modulus(geometry, tissue(), {})->layer(service::Layer{}, {}, {});
+      service::tissue_models()->of_modulus(geometry, tissue(), {})->layer(service::Layer{}, {}, {});
   return {"s", 0.03, 0.09, 0.02, 0.005, 1e-3, 5, [layer](const auto& at) { return layer->touch({}, {at}); }};
 }
 

@@ -53,7 +53,7 @@ class FaultyDevice : public FaultyKernels {
     for (std::size_t n = 0; n < kElements * kElements * kElements; ++n)
       e.youngs_modulus_pa.push_back(n % kElements < kElements / 2 ? 1e4 : hard_pa);
     return std::make_shared<Scene>("s", tissue(0.048, 0.03), e, versions(), Limits{}, MemoryAccount{},
-                                   plane_models());
+                                   tissue_models());
   }
   // Whatever answers until its correction has failed (on a machine that never ran them its kernels are
   // compiled first, for seconds) is DEGRADED.

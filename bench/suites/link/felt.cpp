@@ -29,7 +29,7 @@ std::shared_ptr<service::TouchedLayer> surface_of(const reference::TouchedTissue
   geometry.poisson_ratio = tissue.material.poisson_ratio;
   geometry.thickness_m = tissue.thickness_m;
   const service::ExplicitModulus modulus{tissue.grid.x_m, tissue.grid.y_m, tissue.material.youngs_modulus_pa};
-  return service::plane_models()->of_modulus(geometry, modulus, {})->layer(service::Layer{}, {}, {});
+  return service::tissue_models()->of_modulus(geometry, modulus, {})->layer(service::Layer{}, {}, {});
 }
 
 struct Ticks {
