@@ -62,9 +62,9 @@ double off_by(const LawValue& value, const Vector3& by_n) {
 
 }  // namespace
 
-AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer& layer, const Fingertip& tip,
+AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> touched, const Layer& layer, const Fingertip& tip,
                          const Region& region, const Vector3& near_m)
-    : touched_(std::move(apart)), layer_(layer), tip_(tip) {
+    : touched_(std::move(touched)), layer_(layer), tip_(tip) {
   const auto columns_of = [](double begin_m, double end_m) {
     return (end_m - begin_m) / choices::kLawPitch + 2;
   };
@@ -129,8 +129,9 @@ LawSample AreaSampler::Contact::at(double d) const {
 std::optional<AreaSampler::Contact> AreaSampler::touch(double x_m, double z_m, double d) try {
   ++solves_;
   const TouchPose at = at_indentation(layer_, {{x_m, 0, z_m}}, d);
-  if (correcting_) touched_->prepare(tip_, at, 0, Clock::now() + choices::kLongestSolve);
-  const ContactAnswer answer = touched_->touch(tip_, at);
+  if (correcting_)
+    if (const auto job = touched_->wanted(tip_, at, 0)) job->work(Clock::now() + choices::kLongestSolve);
+  const ContactAnswer answer = touched_->answer(tip_, at);
   const auto& f = answer.force_n;
   const auto& t = answer.tangent_n_m;
   return Contact{

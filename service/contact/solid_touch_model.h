@@ -17,7 +17,7 @@
 
 namespace teletact::service {
 
-class SolidLayer;
+class SolidNodes;
 
 // The block, and where it lies in the scene. What surrounds `region` is context, and the period's seam.
 struct SolidBlock {
@@ -31,8 +31,8 @@ struct SolidBlock {
 // A row of nodes of a solid.
 struct SolidRowState {
   std::shared_ptr<Device> device;
-  std::weak_ptr<SolidLayer> ready;   // on that device
-  std::shared_ptr<SolidLayer> kept;  // the same
+  std::weak_ptr<SolidNodes> ready;   // on that device
+  std::shared_ptr<SolidNodes> kept;  // the same
   bool asked = false;
   std::exception_ptr error;
   std::chrono::steady_clock::time_point retry{};
@@ -72,13 +72,13 @@ class SolidTouchModel final : public TouchModel {
  private:
   using State = SolidState;
   using Row = SolidRowState;
-  using Make = std::function<std::shared_ptr<SolidLayer>(const State&)>;
-  std::shared_ptr<SolidLayer> surface(const TouchWay&, const TouchWork&) const;
+  using Make = std::function<std::shared_ptr<SolidNodes>(const State&)>;
+  std::shared_ptr<SolidNodes> surface(const TouchWay&, const TouchWork&) const;
   // The row; null while it is being made, which this asks `work` for.
-  std::shared_ptr<SolidLayer> row(std::size_t, const TouchWay&, const TouchWork&, const Make&) const;
+  std::shared_ptr<SolidNodes> row(std::size_t, const TouchWay&, const TouchWork&, const Make&) const;
   static void make_ready(State&, std::size_t row, const std::shared_ptr<Device>&, const Make&);
   // The surface that is ready, and on which device; null: none.
-  static std::pair<std::shared_ptr<SolidLayer>, std::shared_ptr<Device>> ready(const State&);
+  static std::pair<std::shared_ptr<SolidNodes>, std::shared_ptr<Device>> ready(const State&);
   std::shared_ptr<State> being_made_before() const;
   // Ready with what `before` solves with, if that is ready on this device (null: on any).
   static bool take_over(State&, const State& before, const std::shared_ptr<Device>&);

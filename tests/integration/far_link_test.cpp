@@ -201,7 +201,7 @@ Place in_plane() {
   geometry.width_m = kWidthM, geometry.depth_m = kDepthM;
   const auto layer =
       service::tissue_models()->of_modulus(geometry, tissue(), {})->layer(service::Layer{}, {}, {});
-  return {"s", 0.03, 0.09, 0.02, 0.005, 1e-3, 5, [layer](const auto& at) { return layer->touch({}, {at}); }};
+  return {"s", 0.03, 0.09, 0.02, 0.005, 1e-3, 5, [layer](const auto& at) { return layer->answer({}, {at}); }};
 }
 
 // Within 2 % + 2 mN of the converged force on the whole block, its layered part exact.
@@ -227,7 +227,7 @@ Place on_solid() {
   auto contact = std::make_shared<service::SolidContact<float>>(device->queue(), block.tissue);
   return {"solid", 0.006, 0.034, 0.007, 0.02, 2e-3, 40, [=](const service::Vector3& at) {
             const service::Vector3 pose{at[0] - block.origin_x_m, at[1], at[2] - block.origin_z_m};
-            contact->touch({}, pose);
+            contact->answer({}, pose);
             return contact->felt_answer({}, pose);
           }};
 }
