@@ -197,6 +197,33 @@ TEST(SolidLayer, SharesInThePlaceOfLateNodesSaySo) {
   EXPECT_TRUE(nodes.solve.converged);
 }
 
+// GIVEN a lump that the nodes are not corrected at, THEN what they want says how far off they are and that a
+// finger that is put down has no answer before; where shares stand in it has one, and nothing is wanted of a
+// finger that rests once they are corrected.
+TEST(SolidLayer, WhatItWantsSaysHowFarOffItIsAndWhoWaits) {
+  const SolidTouchModel lump = model(8);
+  const auto nodes = lump.layer({}, way({}, SolvePath::kGradients), {}), planned = lump.layer({}, way(), {});
+  const ContactAnswer guess = nodes->answer(kTip, kOver);
+  EXPECT_TRUE(guess.solve.improving);
+  const auto job = nodes->wanted(kTip, kOver, 0), meanwhile = planned->wanted(kTip, kOver, 0);
+  ASSERT_TRUE(job && meanwhile);
+  EXPECT_DOUBLE_EQ(job->error, guess.solve.relative_error - guess.solve.of_model);
+  EXPECT_EQ(job->wait, JobWait::kFirst);
+  EXPECT_EQ(meanwhile->wait, JobWait::kAwaited);
+  EXPECT_LE(meanwhile->error, job->error);
+  EXPECT_FALSE(nodes->wanted(kTip, {{0.032, -0.001, 0.032}}, 0)) << "above";
+  EXPECT_TRUE(job->work(TouchedLayer::Clock::now() + std::chrono::seconds(10)));
+  EXPECT_TRUE(nodes->answer(kTip, kOver).solve.converged);
+  EXPECT_FALSE(nodes->wanted(kTip, kOver, 0));
+  TouchPose moving = kOver;
+  moving.velocity_m_s = {0.05, 0, 0};
+  const auto ahead = nodes->wanted(kTip, moving, 0);
+  ASSERT_TRUE(ahead) << "for where it will be";
+  EXPECT_EQ(ahead->error, 0);
+  EXPECT_EQ(ahead->wait, JobWait::kBeside);
+  EXPECT_GT(ahead->cost_s, 0);
+}
+
 TEST(SolidLayer, WhatALawIsSampledByIsPlannedToo) {
   const SolidTouchModel lump = model(4);
   const auto for_law = [&](const Tolerance& tolerance) {
