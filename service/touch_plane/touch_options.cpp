@@ -6,8 +6,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "service/contact/layered_touch.h"
-
 namespace teletact::service {
 namespace {
 
@@ -83,7 +81,9 @@ TouchOptions canonical(TouchOptions options) {
 }
 
 bool has_shares(const TouchOptions& options, const Layer& layer, bool solid) {
-  return solid && layer == Layer{} && LayeredTouch::knows(options.fingertip);
+  const Fingertip& tip = options.fingertip;
+  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
+  return solid && layer == Layer{} && round && tip.friction == Friction::kFrictionless;
 }
 
 void check(const TouchOptions& options, const Layer& layer, bool solid, const Limits& limits) {

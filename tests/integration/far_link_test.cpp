@@ -227,7 +227,7 @@ Place on_solid() {
   auto contact = std::make_shared<service::SolidContact<float>>(device->queue(), block.tissue);
   return {"solid", 0.006, 0.034, 0.007, 0.02, 2e-3, 40, [=](const service::Vector3& at) {
             const service::Vector3 pose{at[0] - block.origin_x_m, at[1], at[2] - block.origin_z_m};
-            contact->answer({}, pose);
+            contact->touch({}, pose);
             return contact->felt_answer({}, pose);
           }};
 }
