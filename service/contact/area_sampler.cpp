@@ -62,17 +62,17 @@ double off_by(const LawValue& value, const Vector3& by_n) {
 
 }  // namespace
 
-AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer& layer, const Fingertip& tip,
+AreaSampler::AreaSampler(std::shared_ptr<TouchedLayer> touched, const Layer& layer, const Fingertip& tip,
                          const Region& region, const Vector3& near_m)
-    : touched_(std::move(apart)), layer_(layer), tip_(tip) {
+    : touched_(std::move(touched)), layer_(layer), tip_(tip) {
   const auto columns_of = [](double begin_m, double end_m) {
     return (end_m - begin_m) / choices::kLawPitch + 2;
   };
-  if (columns_of(region.begin_x_m, region.end_x_m) * columns_of(region.begin_z_m, region.end_z_m) >
+  if (columns_of(region.begin_x_m, region.end_x_m) * columns_of(region.z->begin_m, region.z->end_m) >
       double(choices::kMaxLawColumns))
     return;
   x_m_ = lattice(region.begin_x_m, region.end_x_m);
-  z_m_ = lattice(region.begin_z_m, region.end_z_m);
+  z_m_ = lattice(region.z->begin_m, region.z->end_m);
   for (std::size_t lane = 0; lane < z_m_.size(); ++lane)
     for (const double x_m : x_m_) {
       LawColumn& column = places_.emplace_back().sampled;
@@ -129,8 +129,9 @@ LawSample AreaSampler::Contact::at(double d) const {
 std::optional<AreaSampler::Contact> AreaSampler::touch(double x_m, double z_m, double d) try {
   ++solves_;
   const TouchPose at = at_indentation(layer_, {{x_m, 0, z_m}}, d);
-  if (correcting_) touched_->prepare(tip_, at, 0, Clock::now() + choices::kLongestSolve);
-  const ContactAnswer answer = touched_->touch(tip_, at);
+  if (correcting_)
+    if (const auto job = touched_->wanted(tip_, at, 0)) job->work(Clock::now() + choices::kLongestSolve);
+  const ContactAnswer answer = touched_->answer(tip_, at);
   const auto& f = answer.force_n;
   const auto& t = answer.tangent_n_m;
   return Contact{

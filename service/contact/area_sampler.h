@@ -17,10 +17,9 @@ namespace teletact::service {
 
 class AreaSampler final : public LawSampling {
  public:
-  // Over the whole region, what is nearest to `near_m` first. `apart`: the layer (TouchedLayer::apart).
-  // Where it cannot be touched columns end above, are missing, or stay
-  // guesses.
-  AreaSampler(std::shared_ptr<TouchedLayer> apart, const Layer&, const Fingertip&, const Region&,
+  // Over the whole region, a solid's, what is nearest to `near_m` first. `touched`: the layer, for a law.
+  // Where it cannot be touched columns end above, are missing, or stay guesses.
+  AreaSampler(std::shared_ptr<TouchedLayer> touched, const Layer&, const Fingertip&, const Region&,
               const Vector3& near_m);
 
   // Works on one contact at least, or on a cell's: on a fine block each takes tens of milliseconds.

@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "service/base/choices.h"
@@ -16,25 +15,21 @@ namespace {
 
 constexpr std::chrono::seconds kRetry{1};
 
-bool has_law(const Layer& layer, const TouchedLayer& touched, const Region& region) {
-  return layer.normal == Layer{}.normal &&
-         (std::isfinite(region.begin_z_m) || touched.path() == SolvePath::kCompliance);
-}
-
-// Null: there is none.
 std::unique_ptr<LawSampling> sampler_of(const Fingertip& tip, const Layer& layer,
                                         const std::shared_ptr<TouchedLayer>& touched, const Region& region,
                                         const Vector3& near_m) {
-  if (!std::isfinite(region.begin_z_m))
-    return std::make_unique<LawSampler>(touched, layer, tip, region.begin_x_m, region.end_x_m, near_m[0]);
-  auto apart = touched->apart();
-  return apart ? std::make_unique<AreaSampler>(std::move(apart), layer, tip, region, near_m) : nullptr;
+  if (region.z) return std::make_unique<AreaSampler>(touched, layer, tip, region, near_m);
+  return std::make_unique<LawSampler>(touched, layer, tip, region.begin_x_m, region.end_x_m, near_m[0]);
 }
 
 }  // namespace
 
 ContactLaws::ContactLaws(MemoryAccount account) : account_(std::move(account)) {}
 ContactLaws::~ContactLaws() = default;
+
+bool ContactLaws::has(const Layer& layer, const TouchWay& way, const Region& region) {
+  return layer.normal == Layer{}.normal && (region.z || way.path != SolvePath::kGradients);
+}
 
 std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const Layer& layer,
                                                    const TouchWay& way,
@@ -54,7 +49,7 @@ std::shared_ptr<const ContactLaw> ContactLaws::get(const Fingertip& tip, const L
       (*found)->asked = ++asked_;
       return (*found)->law;
     }
-    if (!has_law(layer, *touched, region)) return nullptr;
+    if (!has(layer, way, region)) return nullptr;
     if (entries_.size() == kMax)
       entries_.erase(
           std::min_element(entries_.begin(), entries_.end(),
@@ -92,7 +87,6 @@ bool ContactLaws::step(Entry& entry, TouchedLayer::Clock::time_point until) {
     if (now >= until) return false;
     try {
       if (const auto make = std::exchange(entry.make, nullptr)) entry.sampler = make();
-      if (!entry.sampler) return true;
       done = entry.sampler->advance(now + choices::kLawShown);
     } catch (const std::exception& error) {
       spdlog::warn("event=law_not_sampled error=\"{}\"", error.what());

@@ -44,12 +44,14 @@ class ContactLaws : public std::enable_shared_from_this<ContactLaws> {
   // recently.
   static constexpr std::size_t kMax = 8;
 
+  // A level layer has one, unless it is a plane's and solved iteratively.
+  static bool has(const Layer&, const TouchWay&, const Region&);
   explicit ContactLaws(MemoryAccount account);
   ~ContactLaws();
   // What is known by now: the rest is being sampled, which this asks `work` for, in the client's turn, in
   // small steps, and from where the first who asked has the finger (near_m). Null while nothing is known, and
-  // for good where the model has no law: its layer is not level, it is a plane that is solved iteratively, or
-  // there is no room. `touched`: the layer, ready, to be touched this way.
+  // for good where it has no law, or there is no room. `touched`: the layer, ready, to be touched this way,
+  // for a law.
   std::shared_ptr<const ContactLaw> get(const Fingertip&, const Layer&, const TouchWay&,
                                         const std::shared_ptr<TouchedLayer>& touched, const Region&,
                                         const Vector3& near_m, const TouchWork& work);

@@ -63,8 +63,7 @@ std::optional<LawSampler::Contact> LawSampler::touch(double x_m, double d, doubl
     if (side > 0 && share == 1) break;
     ++solves_;
     const TouchPose at = at_indentation(layer_, {{x_m + side * to_each_side_m, 0, 0}}, d);
-    touched_->prepare(tip_, at, 0, Clock::now() + choices::kLongestSolve);
-    const ContactAnswer answer = touched_->touch(tip_, at);
+    const ContactAnswer answer = touched_->answer(tip_, at);
     if (!answer.solve.converged) return std::nullopt;
     u += share * answer.energy_j;
     by_x -= share * answer.force_n[0], by_d -= share * answer.force_n[1];

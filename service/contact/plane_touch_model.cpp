@@ -29,35 +29,49 @@ double touched_m(const Fingertip& tip, double indentation_m) {
 
 class PlaneLayer final : public TouchedLayer {
  public:
+  // `device`: by which the compliance is solved; null: it is condensed.
   PlaneLayer(std::shared_ptr<const TissueModel> tissue, std::shared_ptr<const PlaneBudget> budget,
-             std::size_t row, std::shared_ptr<Compliance> compliance, SolvePath path)
-      : tissue_(std::move(tissue)),
+             std::size_t row, std::shared_ptr<Compliance> compliance, std::shared_ptr<Device> device)
+      : TouchedLayer(std::move(device)),
+        tissue_(std::move(tissue)),
         budget_(std::move(budget)),
         row_(row),
-        compliance_(std::move(compliance)),
-        path_(path) {}
+        compliance_(std::move(compliance)) {}
 
-  SolvePath path() const override { return path_; }
+  ContactAnswer answer(const Fingertip& tip, const TouchPose& pose) override {
+    ContactAnswer answer;
+    if (wanted(tip, pose, 0)) {
+      answer.state = ContactState::kContact;
+      answer.solve.converged = false, answer.solve.improving = true;
+      answer.solve.reason = "not solved yet";
+      answer.solve.relative_error = HUGE_VAL;
+      return answer;
+    }
+    answer = solve_contact(tissue_->problem(), row_, *compliance_, tip, in_plane(pose));
+    if (answer.state == ContactState::kContact && tip.shape == FingertipShape::kRoundedTip &&
+        tip.friction == Friction::kFrictionless && row_ == 0)
+      budget_->add(tip, pose.position_m[0], pose.position_m[1], answer);
+    answer.path = device() ? SolvePath::kGradients : SolvePath::kCompliance;
+    answer.remark = remark(tip, in_plane(pose));
+    return answer;
+  }
 
-  bool prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
-               Clock::time_point until) override {
-    if (path_ != SolvePath::kGradients) return true;
+  // The columns of the contact that are not solved yet.
+  std::optional<TouchJob> wanted(const Fingertip& tip, const TouchPose& pose, double around_m) override {
     const PlanePose at = in_plane(pose);
+    if (!device() || !(at.indentation_m > 0 || around_m > 0)) return std::nullopt;
     const double reach = std::max(around_m, touched_m(tip, std::max(0.0, at.indentation_m)));
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
     std::vector<std::size_t> nodes = touchable_columns(at.x_m, reach);
     std::sort(nodes.begin(), nodes.end(), [&](std::size_t a, std::size_t b) {
       return std::abs(columns_m[a] - at.x_m) < std::abs(columns_m[b] - at.x_m);
     });
-    return compliance_->prepare(nodes, tip.friction == Friction::kStuck, until);
-  }
-
-  ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
-    ContactAnswer answer = solve_contact(tissue_->problem(), row_, *compliance_, tip, in_plane(pose));
-    if (answer.state == ContactState::kContact && tip.shape == FingertipShape::kRoundedTip &&
-        tip.friction == Friction::kFrictionless && row_ == 0)
-      budget_->add(tip, pose.position_m[0], pose.position_m[1], answer);
-    return answer;
+    const bool stuck = tip.friction == Friction::kStuck;
+    if (compliance_->prepare(nodes, stuck, {})) return std::nullopt;
+    return TouchJob{HUGE_VAL, 0, JobWait::kFirst,
+                    [this, stuck, nodes = std::move(nodes)](Clock::time_point until) {
+                      return compliance_->prepare(nodes, stuck, until);
+                    }};
   }
 
   std::optional<DeformedLayer> deformed(const Fingertip& tip, const TouchPose& pose, double around_m,
@@ -80,8 +94,14 @@ class PlaneLayer final : public TouchedLayer {
     return out;
   }
 
-  std::string remark(const Fingertip& tip, const TouchPose& pose) const override {
-    const PlanePose at = in_plane(pose);
+  std::array<double, 2> spacing_m(double x_m) const override {
+    const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
+    const auto right = std::upper_bound(columns_m.begin() + 1, columns_m.end() - 1, x_m);
+    return {*right - *(right - 1), 0};
+  }
+
+ private:
+  std::string remark(const Fingertip& tip, const PlanePose& at) const {
     if (tip.shape == FingertipShape::kNode) return "";
     const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
     const double reach = reach_m(tip, std::max(at.indentation_m, choices::kLightTouch), 0);
@@ -92,13 +112,6 @@ class PlaneLayer final : public TouchedLayer {
     return coarse_mesh(tip, at.indentation_m, widest_m);
   }
 
-  std::array<double, 2> spacing_m(double x_m) const override {
-    const std::vector<double>& columns_m = tissue_->problem().grid.x_m;
-    const auto right = std::upper_bound(columns_m.begin() + 1, columns_m.end() - 1, x_m);
-    return {*right - *(right - 1), 0};
-  }
-
- private:
   std::vector<std::size_t> touchable_columns(double x_m, double reach_m) const {
     const TissueProblem& tissue = tissue_->problem();
     std::vector<std::size_t> columns;
@@ -112,7 +125,6 @@ class PlaneLayer final : public TouchedLayer {
   const std::shared_ptr<const PlaneBudget> budget_;
   const std::size_t row_;
   const std::shared_ptr<Compliance> compliance_;
-  const SolvePath path_;
 };
 
 }  // namespace
@@ -178,7 +190,7 @@ class PlaneTouchModel::PreparedCompliances : public std::enable_shared_from_this
 };
 
 PlaneTouchModel::PlaneTouchModel(std::shared_ptr<const TissueModel> tissue, MemoryAccount account)
-    : TouchModel(std::move(account)),
+    : TouchModel(std::move(account), {.plane = tissue}),
       tissue_(std::move(tissue)),
       budget_(std::make_shared<PlaneBudget>(tissue_->problem())),
       compliances_(std::make_shared<PreparedCompliances>(tissue_)) {}
@@ -208,11 +220,10 @@ std::shared_ptr<TouchedLayer> PlaneTouchModel::layer(const Layer& layer, const T
   if (at == y_m.end() || layer.normal != Layer{}.normal)
     throw std::out_of_range(fmt::format("layer {} m deep: no row of nodes", layer.depth_m));
   const auto row = static_cast<std::size_t>(at - y_m.begin());
-  const bool by_gradients = way.path == SolvePath::kGradients;
-  auto compliance = compliances_->get(row, by_gradients ? way.device : nullptr, work, way.client);
+  const auto device = way.path == SolvePath::kGradients ? way.device : nullptr;
+  auto compliance = compliances_->get(row, device, work, way.client);
   if (!compliance) return nullptr;
-  return std::make_shared<PlaneLayer>(tissue_, budget_, row, std::move(compliance),
-                                      by_gradients ? SolvePath::kGradients : SolvePath::kCompliance);
+  return std::make_shared<PlaneLayer>(tissue_, budget_, row, std::move(compliance), device);
 }
 
 std::vector<Layer> free_layers(const std::vector<double>& y_m, const Supports& supports) {

@@ -21,8 +21,6 @@ class PlaneTouchModel final : public TouchModel {
   // kCompliance: condensed; kGradients: by conjugate gradients on the way's device. kAuto: condensed.
   std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork&) const override;
 
-  const TissueModel& tissue() const { return *tissue_; }
-
  private:
   class PreparedCompliances;
   const std::shared_ptr<const TissueModel> tissue_;

@@ -8,219 +8,373 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/base/choices.h"
 #include "service/contact/fingertip.h"
 #include "service/device/device.h"
 
 namespace teletact::service {
 namespace {
 
+constexpr std::chrono::seconds kLearnAgain{1};
+// A finger slower than this rests. A correction is as good as this share of what is stated where it is made:
+// at most so coarse, a fast finger is soon elsewhere.
+constexpr double kStillMS = 0.001, kCorrected = 0.2, kMaxCorrected = 0.01;
+
 double around(double period_m, double begin_m, double end_m) {
   return (period_m - (end_m - begin_m)) / 2;
 }
-
-// A finger slower than this rests; one that would be faster, or is farther from where it was known, was put
-// down elsewhere. A correction is as good as this share of what is stated where it is made: at most so
-// coarse, a fast finger is soon elsewhere.
-constexpr std::chrono::seconds kLearnAgain{1};
-constexpr double kStillMS = 0.001, kFastestMS = 0.5, kFarthestM = 0.008, kCorrected = 0.2,
-                 kMaxCorrected = 0.01;
 
 // What no correction makes better is settled too: the answer says what it is off by.
 bool settled(const SolveReport& solve) {
   return solve.converged || solve.reason == kRoundingReason;
 }
 
-bool good(const SolveReport& solve) {
-  return settled(solve) || solve.relative_error - solve.of_model <= choices::kTrustedMeanwhile;
+double error_of(const SolveReport& solve) {
+  return settled(solve) ? 0 : solve.relative_error - solve.of_model;
+}
+
+// Others would fail as well, and another device may not. Once: the next touch tries again.
+void rethrow_of_device(Corrector& corrector, const std::exception_ptr& failure) try {
+  std::rethrow_exception(failure);
+} catch (const DeviceMemoryError&) {
+} catch (const DeviceError&) {
+  corrector.forget_failure();
+  throw;
+} catch (const std::exception&) {
 }
 
 }  // namespace
 
-SolidLayer::SolidLayer(const SolidBlock& block, const std::shared_ptr<Device>& device,
-                       const MemoryAccount& account)
-    : region_(block.region),
-      origin_x_m_(block.origin_x_m),
-      origin_z_m_(block.origin_z_m),
+SolidNodes::SolidNodes(const SolidBlock& block, const std::shared_ptr<Device>& on, const MemoryAccount& of)
+    : region(block.region),
+      origin_x_m(block.origin_x_m),
+      origin_z_m(block.origin_z_m),
+      spacing_m{block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m},
+      account(of),
+      device(on),
+      mutex(std::make_shared<std::mutex>()),
+      contact(on->queue(of), block.tissue),
       around_x_m_(around(static_cast<double>(block.tissue.grid.nx) * block.tissue.grid.spacing_x_m,
-                         region_.begin_x_m, region_.end_x_m)),
+                         region.begin_x_m, region.end_x_m)),
       around_z_m_(around(static_cast<double>(block.tissue.grid.nz) * block.tissue.grid.spacing_z_m,
-                         region_.begin_z_m, region_.end_z_m)),
-      spacing_m_{block.tissue.grid.spacing_x_m, block.tissue.grid.spacing_z_m},
-      account_(account),
-      device_(device),
-      mutex_(std::make_shared<std::mutex>()),
-      contact_(device->queue(account), block.tissue) {}
+                         region.z->begin_m, region.z->end_m)) {}
 
 // At the same place.
 template <class Make>
-SolidLayer::SolidLayer(const SolidLayer& other, const MemoryAccount& account, Charge charge,
-                       const Make& contact)
-    : region_(other.region_),
-      origin_x_m_(other.origin_x_m_),
-      origin_z_m_(other.origin_z_m_),
+SolidNodes::SolidNodes(const SolidNodes& other, const MemoryAccount& of, Charge charged, const Make& make)
+    : region(other.region),
+      origin_x_m(other.origin_x_m),
+      origin_z_m(other.origin_z_m),
+      spacing_m(other.spacing_m),
+      account(of),
+      device(other.device),
+      mutex(other.mutex),
+      charge(std::move(charged)),
+      contact(make()),
       around_x_m_(other.around_x_m_),
-      around_z_m_(other.around_z_m_),
-      spacing_m_(other.spacing_m_),
-      account_(account),
-      device_(other.device_),
-      mutex_(other.mutex_),
-      charge_(std::move(charge)),
-      contact_(contact()) {}
+      around_z_m_(other.around_z_m_) {}
 
-SolidLayer::SolidLayer(const SolidBlock& block, const SolidLayer& before, const MemoryAccount& account)
-    : SolidLayer(before, account, {}, [&] {
-        return SolidContact<float>(before.device_->queue(account), before.contact_, block.tissue);
+SolidNodes::SolidNodes(const SolidBlock& block, const SolidNodes& before, const MemoryAccount& of)
+    : SolidNodes(before, of, {}, [&] {
+        return SolidContact<float>(before.device->queue(of), before.contact, block.tissue);
       }) {
-  follows_learned_ = before.contact_.has_learned();
+  follows_learned_ = before.contact.has_learned();
 }
 
 // Its copy of the moduli, what its touches leave and the shares of energy.
-SolidLayer::SolidLayer(const SolidLayer& same, std::size_t row, const MemoryAccount& account)
-    : SolidLayer(same, account,
-                 account.charge(Place::kHost, "solids",
-                                16 * same.contact_.tissue().grid.elements() +
-                                    1600 * same.contact_.tissue().grid.columns()),
-                 [&] { return SolidContact<float>(same.contact_, row); }) {}
+SolidNodes::SolidNodes(const SolidNodes& same, std::size_t row, const MemoryAccount& of)
+    : SolidNodes(
+          same, of,
+          of.charge(Place::kHost, "solids",
+                    16 * same.contact.tissue().grid.elements() + 1600 * same.contact.tissue().grid.columns()),
+          [&] { return SolidContact<float>(same.contact, row); }) {}
 
-// Touched in many places by one thread, which waits for the corrections that it asks for.
-class LayerApart final : public TouchedLayer {
- public:
-  explicit LayerApart(const SolidLayer& same) : layer_(same, same.contact_.row(), same.account_) {}
-  SolvePath path() const override { return layer_.path(); }
-  std::array<double, 2> spacing_m(double x_m) const override { return layer_.spacing_m(x_m); }
-
-  bool prepare(const Fingertip& tip, const TouchPose& pose, double, Clock::time_point) override {
-    layer_.require_covered(tip, pose);
-    for (std::size_t corrections = 0; corrections < choices::kMaxCorrections; ++corrections) {
-      const SolveReport known = layer_.contact_.answer(tip, layer_.in_block(pose), choices::kLawShare).solve;
-      if (settled(known)) break;
-      const std::lock_guard lock(*layer_.mutex_);  // for one: others wait with a finger
-      layer_.contact_.correct(tip, layer_.in_block(pose), choices::kLawShare);
-    }
-    return true;
-  }
-
-  ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
-    layer_.require_covered(tip, pose);
-    if (!felt_) {
-      const std::lock_guard lock(*layer_.mutex_);
-      layer_.contact_.feel();
-      felt_ = true;
-    }
-    ContactAnswer answer = layer_.contact_.felt_answer(tip, layer_.in_block(pose));
-    layer_.move_to_scene(answer.pressure);
-    return answer;
-  }
-
- private:
-  SolidLayer layer_;
-  bool felt_ = false;
-};
-
-std::shared_ptr<TouchedLayer> SolidLayer::apart() {
-  return std::make_shared<LayerApart>(*this);
+void SolidNodes::learn_shares() {
+  contact.learn_shares(device->queue(account), *mutex);
 }
 
-void SolidLayer::learn_shares() {
-  contact_.learn_shares(device_->queue(account_), *mutex_);
-}
-
-bool SolidLayer::learned(const std::shared_ptr<SolidLayer>& layer, const TouchWork& work,
+bool SolidNodes::learned(const std::shared_ptr<SolidNodes>& nodes, const TouchWork& work,
                          const std::string& client) {
-  if (layer->contact_.has_learned()) return true;
+  using Clock = TouchedLayer::Clock;
+  if (nodes->contact.has_learned()) return true;
   {
-    const std::lock_guard lock(layer->learned_mutex_);
-    if (layer->asked_to_learn_ || Clock::now() < layer->learns_again_) return false;
-    layer->asked_to_learn_ = true;
+    const std::lock_guard lock(nodes->learned_mutex_);
+    if (nodes->asked_to_learn_ || Clock::now() < nodes->learns_again_) return false;
+    nodes->asked_to_learn_ = true;
   }
-  const auto learn = [weak = std::weak_ptr(layer)] {
-    const auto layer = weak.lock();
-    if (!layer) return;
+  const auto learn = [weak = std::weak_ptr(nodes)] {
+    const auto nodes = weak.lock();
+    if (!nodes) return;
     std::exception_ptr failure;
     try {
-      layer->learn_shares();
+      nodes->learn_shares();
     } catch (const std::exception& error) {
       spdlog::warn("event=shares_not_learned error=\"{}\"", error.what());
       failure = std::current_exception();
     }
-    const std::lock_guard lock(layer->learned_mutex_);
-    layer->asked_to_learn_ = false;
-    layer->not_learned_ = failure;
-    layer->learns_again_ = Clock::now() + kLearnAgain;
+    const std::lock_guard lock(nodes->learned_mutex_);
+    nodes->asked_to_learn_ = false;
+    nodes->not_learned_ = failure;
+    nodes->learns_again_ = Clock::now() + kLearnAgain;
   };
   if (work)
     work(client, learn);
   else
     learn();
-  return layer->contact_.has_learned();
+  return nodes->contact.has_learned();
 }
 
-std::exception_ptr SolidLayer::not_learned() {
+std::exception_ptr SolidNodes::not_learned() {
   const std::lock_guard lock(learned_mutex_);
   return not_learned_;
 }
 
-bool SolidLayer::prepare(const Fingertip& tip, const TouchPose& pose, double around_m,
-                         Clock::time_point until) {
-  if (pose.position_m[1] <= 0 || around_m > 0) return true;
-  for (std::size_t corrections = 0;; ++corrections) {
-    const std::uint64_t done = corrector_.done();
-    if (settled(answered(tip, pose).solve) || follows(pose) || corrections == choices::kMaxCorrections)
-      return true;
-    const std::exception_ptr failure = corrector_.failure();
-    if (failure && corrections > 0) std::rethrow_exception(failure);  // it was waited for
-    // The time is up: what is known so well is told, as to a finger that is followed.
-    if (Clock::now() >= until) return corrections > 0 && good(answered(tip, pose).solve);
-    corrector_.ask(tip, {pose.position_m});
-    corrector_.wait_for_more_than(done, until + choices::kLongestSolve);  // one that is begun ends
+Vector3 SolidNodes::in_block(const TouchPose& pose) const {
+  const auto [x, y, z] = pose.position_m;
+  return {x - origin_x_m, y, z - origin_z_m};
+}
+
+void SolidNodes::move_to_scene(std::vector<NodalPressure>& pressure) const {
+  for (NodalPressure& p : pressure) {
+    p.position_m[0] += origin_x_m;
+    p.position_m[2] += origin_z_m;
   }
 }
 
-bool SolidLayer::welcomes(const Fingertip& tip, const TouchPose& pose) {
-  if (pose.position_m[1] <= 0 || corrector_.failure()) return true;  // which touch() says
-  const SolveReport known = answered(tip, pose).solve;
-  if (!good(known)) {
-    corrector_.ask(tip, pose);
-    return false;
+bool SolidNodes::covers(const Fingertip& tip, const Vector3& position_m) const {
+  const auto [x, y, z] = position_m;
+  const double reach = tip.shape == FingertipShape::kNode ? 3 * tip.footprint_m : reach_m(tip, y, 0);
+  const auto inside = [reach](double at, double begin, double end, double around) {
+    return at >= begin && at < end && at - reach > begin - around && at + reach < end + around;
+  };
+  return inside(x, region.begin_x_m, region.end_x_m, around_x_m_) &&
+         inside(z, region.z->begin_m, region.z->end_m, around_z_m_);
+}
+
+void SolidNodes::require_covered(const Fingertip& tip, const TouchPose& pose) const {
+  const auto [x, y, z] = pose.position_m;
+  if (!covers(tip, pose.position_m))
+    throw std::out_of_range(
+        fmt::format("pose: at x {:.4g} m, z {:.4g} m the tip is beside the solid, which reaches from "
+                    "{:.4g} to {:.4g} m along x "
+                    "and from {:.4g} to {:.4g} m along z",
+                    x, z, region.begin_x_m, region.end_x_m, region.z->begin_m, region.z->end_m));
+}
+
+void SolidNodes::correct(const Fingertip& tip, const TouchPose& pose) {
+  if (!covers(tip, pose.position_m)) return;  // it leaves
+  try {
+    const SolveReport known = contact.answer(tip, in_block(pose)).solve;
+    if (settled(known)) return;
+    const std::lock_guard lock(*mutex);
+    const double asked =
+        std::clamp(kCorrected * known.relative_error, choices::kSolidForceError, kMaxCorrected);
+    iterations += contact.correct(tip, in_block(pose), asked).iterations;
+  } catch (const std::out_of_range&) {  // said by the answer when the finger is there
+  } catch (const std::invalid_argument&) {
   }
-  if (!settled(known)) follow(pose);
+}
+
+// Poses of a law are touched in any order: no choice depends on the one before. What a light one is off by is
+// stated of its whole column, so newtons do not excuse it.
+SolidLayer::SolidLayer(std::shared_ptr<SolidNodes> nodes, const TouchWay& way, double deviation)
+    : TouchedLayer(nodes->device),
+      nodes_(std::move(nodes)),
+      law_(way.law),
+      planned_(way.shares && way.path != SolvePath::kGradients && nodes_->contact.row() == 0),
+      by_name_(way.path == SolvePath::kShares),
+      pressure_(way.pressure && !law_),
+      asked_for_(way.tolerance.has_value()),
+      tolerance_([&] {
+        const Tolerance usual = way.tolerance.value_or(usual_tolerance(deviation));
+        return law_ ? Tolerance{usual.relative, 0} : usual;
+      }()),
+      planner_(law_          ? std::make_shared<Planner>(Planner::Clock::duration::zero())
+               : way.planner ? way.planner
+                             : std::make_shared<Planner>()) {}
+
+auto SolidLayer::shares(const Fingertip& tip, const Vector3& at) -> Shares {
+  if (!planned_) return nullptr;
+  if (!shares_ || !shares_->second || shares_->first != tip) shares_ = {tip, nodes_->contact.shares(tip)};
+  return shares_->second && at[1] <= shares_->second->max_m() ? shares_->second : nullptr;
+}
+
+// What was asked for is judged with finite strain.
+double SolidLayer::over(const SharesTouch& shares, const Vector3& at) const {
+  return shares.over(at, tolerance_, asked_for_ ? FiniteStrain::kCounts : FiniteStrain::kLeftOut);
+}
+
+auto SolidLayer::choose(const Fingertip& tip, const Vector3& at) -> Shares {
+  if (!(at[1] > 0)) return nullptr;
+  const std::lock_guard lock(mutex_);
+  Shares shares = pressure_ ? nullptr : this->shares(tip, at);
+  if (shares && !by_name_ && !planner_->takes_shares(over(*shares, at), Planner::Clock::now()))
+    shares = nullptr;
+  chosen_ = {tip, at, shares != nullptr};
+  return shares;
+}
+
+bool SolidLayer::shares_will_do(const Fingertip& tip, const Vector3& at) {
+  const std::lock_guard lock(mutex_);
+  if (chosen_ && chosen_->tip == tip && chosen_->at == at) return chosen_->shares;
+  const Shares shares = pressure_ ? nullptr : this->shares(tip, at);
+  return shares && (by_name_ || over(*shares, at) <= 1);
+}
+
+ContactAnswer SolidLayer::answer(const Fingertip& tip, const TouchPose& pose) {
+  nodes_->require_covered(tip, pose);
+  if (law_) make_own();
+  const Vector3 at = nodes_->in_block(pose);
+  if (const Shares shares = choose(tip, at)) return shares->answer(at);
+  ContactAnswer answer;
+  try {
+    answer = by_nodes(tip, pose);
+    const SolveReport nodes = answer.solve;
+    if (!nodes.converged && nodes.relative_error - nodes.of_model > choices::kTrustedMeanwhile)
+      if (auto better = meanwhile(tip, at, nodes.relative_error)) {
+        answer = std::move(*better);
+        answer.solve.improving = nodes.improving;
+        if (!nodes.improving) answer.solve.reason = kFailedReason;
+      }
+  } catch (const std::domain_error&) {
+    auto other = in_the_nodes_place(tip, at, kNoContactReason);
+    if (!other) throw;
+    answer = std::move(*other);
+  }
+  answer.remark = coarse_mesh(tip, at[1], std::max(nodes_->spacing_m[0], nodes_->spacing_m[1]));
+  return answer;
+}
+
+std::optional<ContactAnswer> SolidLayer::meanwhile(const Fingertip& tip, const Vector3& at, double error) {
+  if (law_ || pressure_ || asked_for_ || !(at[1] > 0)) return {};
+  auto answer = in_the_nodes_place(tip, at, kLateReason);
+  if (answer && !(answer->solve.relative_error < error)) return {};
+  return answer;
+}
+
+std::optional<ContactAnswer> SolidLayer::in_the_nodes_place(const Fingertip& tip, const Vector3& at,
+                                                            const char* reason) {
+  const Shares shares = [&] {
+    const std::lock_guard lock(mutex_);
+    return this->shares(tip, at);
+  }();
+  if (!shares) return {};
+  ContactAnswer answer = shares->answer(at);
+  answer.solve.converged = false;
+  answer.solve.reason = reason;
+  answer.solve.relative_error = shares->half_width(at);
+  return answer;
+}
+
+ContactAnswer SolidLayer::by_nodes(const Fingertip& tip, const TouchPose& pose) {
+  ContactAnswer answer;
+  if (law_) {
+    if (!std::exchange(felt_, true)) {
+      const std::lock_guard lock(*of_law_->mutex);
+      of_law_->contact.feel();
+    }
+    answer = of_law_->contact.felt_answer(tip, nodes_->in_block(pose));
+  } else {
+    const std::exception_ptr failure = nodes_->corrector.failure();
+    if (failure) rethrow_of_device(nodes_->corrector, failure);
+    answer = answered(tip, pose);
+    answer.solve.iterations = nodes_->iterations.exchange(0);
+    if (!settled(answer.solve)) {
+      answer.solve.improving = !failure;
+      answer.solve.reason = failure ? "its correction failed" : "not corrected yet";
+    }
+  }
+  answer.path = SolvePath::kGradients;
+  nodes_->move_to_scene(answer.pressure);
+  return answer;
+}
+
+ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) {
+  const std::uint64_t done = nodes_->corrector.done();
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_ && last_->done == done && last_->tip == tip && last_->position_m == pose.position_m)
+      return last_->answer;  // answered, then asked what it wants
+  }
+  Last last{tip, pose.position_m, done, nodes_->contact.felt_answer(tip, nodes_->in_block(pose))};
+  const std::lock_guard lock(mutex_);
+  last_ = last;
+  return std::move(last.answer);
+}
+
+std::optional<TouchJob> SolidLayer::wanted(const Fingertip& tip, const TouchPose& pose, double around_m) try {
+  nodes_->require_covered(tip, pose);
+  if (law_) make_own();
+  const Vector3 at = nodes_->in_block(pose);
+  if (!(at[1] > 0) || around_m > 0 || shares_will_do(tip, at)) return {};
+  if (law_) return wanted_of_law(tip, at);
+  const auto [vx, vy, vz] = pose.velocity_m_s;
+  TouchJob job{error_of(answered(tip, pose).solve), nodes_->corrector.lasts_s()};
+  if (!(job.error > 0) && !(std::hypot(vx, vy, vz) > kStillMS)) return {};
+  job.work = [this, tip, pose](Clock::time_point until) { return correct(tip, pose, until); };
+  if (!(job.error > 0)) return job;
+  job.wait = job.error <= choices::kTrustedMeanwhile ? JobWait::kAwaited : JobWait::kFirst;
+  if (const auto shares = meanwhile(tip, at, HUGE_VAL)) {
+    const double error = shares->solve.relative_error;
+    job.wait = error < choices::kTrustedMeanwhile ? JobWait::kBeside : JobWait::kAwaited;
+    job.error = std::min(job.error, error);
+  }
+  return job;
+} catch (const std::domain_error&) {  // there is no contact, which nothing changes
+  return {};
+}
+
+// Asks for corrections until the time is up, or no more helps. One that is begun ends.
+bool SolidLayer::correct(const Fingertip& tip, const TouchPose& pose, Clock::time_point until) {
+  Corrector& corrector = nodes_->corrector;
+  for (std::size_t corrections = 0; corrections < choices::kMaxCorrections; ++corrections) {
+    const std::uint64_t done = corrector.done();
+    const bool waits = Clock::now() < until;
+    if (!waits && corrections > 0) return false;
+    corrector.ask(tip, waits ? TouchPose{pose.position_m} : pose);
+    if (!waits) return false;
+    corrector.wait_for_more_than(done, until + choices::kLongestSolve);
+    if (settled(answered(tip, pose).solve)) return true;
+    if (const auto failure = corrector.failure()) std::rethrow_exception(failure);  // it was waited for
+  }
   return true;
 }
 
-std::string SolidLayer::remark(const Fingertip& tip, const TouchPose& pose) const {
-  return coarse_mesh(tip, pose.position_m[1], std::max(spacing_m_[0], spacing_m_[1]));
+std::optional<TouchJob> SolidLayer::wanted_of_law(const Fingertip& tip, const Vector3& at) {
+  SolidNodes& own = *of_law_;
+  const auto known = [&own, tip, at] { return own.contact.answer(tip, at, choices::kLawShare).solve; };
+  const double error = error_of(known());
+  if (!(error > 0)) return {};
+  const auto work = [&own, tip, at, known](Clock::time_point) {
+    for (std::size_t corrections = 0; corrections < choices::kMaxCorrections; ++corrections) {
+      if (settled(known())) break;
+      const std::lock_guard lock(*own.mutex);  // for one: others wait with a finger
+      own.contact.correct(tip, at, choices::kLawShare);
+    }
+    return true;
+  };
+  return TouchJob{error, 0, JobWait::kFirst, work};
 }
 
-ContactAnswer SolidLayer::touch(const Fingertip& tip, const TouchPose& pose) {
-  const std::exception_ptr failure = corrector_.failure();
-  if (failure) rethrow_of_device(failure);
-  ContactAnswer answer = answered(tip, pose);
-  const auto [vx, vy, vz] = pose.velocity_m_s;
-  if (pose.position_m[1] > 0 && (!settled(answer.solve) || std::hypot(vx, vy, vz) > kStillMS))
-    corrector_.ask(tip, pose);
-  answer.solve.iterations = iterations_.exchange(0);
-  if (!settled(answer.solve)) {
-    answer.solve.improving = !failure;
-    answer.solve.reason = failure ? "its correction failed" : "not corrected yet";
-  }
-  if (good(answer.solve)) follow(pose);
-  move_to_scene(answer.pressure);
-  return answer;
+void SolidLayer::make_own() {
+  if (of_law_) return;
+  if (planned_) nodes_->learn_shares();
+  of_law_ = std::make_shared<SolidNodes>(*nodes_, nodes_->contact.row(), nodes_->account);
 }
 
 std::optional<std::vector<NodalPressure>> SolidLayer::layered_pressure(const Fingertip& tip,
                                                                        const TouchPose& pose,
                                                                        double force_n) const {
   if (force_n <= 0) return std::vector<NodalPressure>{};
-  auto pressure = contact_.layered_pressure(tip, in_block(pose), force_n);
-  move_to_scene(pressure);
+  auto pressure = nodes_->contact.layered_pressure(tip, nodes_->in_block(pose), force_n);
+  nodes_->move_to_scene(pressure);
   return pressure;
 }
 
 std::optional<DeformedLayer> SolidLayer::deformed(const Fingertip& tip, const TouchPose& pose,
                                                   double around_m, std::size_t max_nodes) const {
-  require_covered(tip, pose);
-  const SolidGrid& grid = contact_.tissue().grid;
+  nodes_->require_covered(tip, pose);
+  const SolidGrid& grid = nodes_->contact.tissue().grid;
   const auto most = static_cast<std::size_t>(std::sqrt(static_cast<double>(max_nodes)));
   const auto shown = [&](std::size_t count, double origin_m, double spacing_m, double at_m, double begin_m,
                          double end_m, std::vector<double>& places_m) {
@@ -235,107 +389,16 @@ std::optional<DeformedLayer> SolidLayer::deformed(const Fingertip& tip, const To
     return indices;
   };
   DeformedLayer out;
-  const auto along_x = shown(grid.nx, origin_x_m_, grid.spacing_x_m, pose.position_m[0], region_.begin_x_m,
-                             region_.end_x_m, out.x_m);
-  const auto along_z = shown(grid.nz, origin_z_m_, grid.spacing_z_m, pose.position_m[2], region_.begin_z_m,
-                             region_.end_z_m, out.z_m);
+  const auto along_x = shown(grid.nx, nodes_->origin_x_m, grid.spacing_x_m, pose.position_m[0],
+                             nodes_->region.begin_x_m, nodes_->region.end_x_m, out.x_m);
+  const auto along_z = shown(grid.nz, nodes_->origin_z_m, grid.spacing_z_m, pose.position_m[2],
+                             nodes_->region.z->begin_m, nodes_->region.z->end_m, out.z_m);
   std::vector<std::size_t> nodes;
   for (const std::size_t k : along_z)
     for (const std::size_t i : along_x) nodes.push_back(i + grid.nx * k);
-  const Eigen::VectorXd moved = contact_.moved_m(tip, in_block(pose), nodes);
+  const Eigen::VectorXd moved = nodes_->contact.moved_m(tip, nodes_->in_block(pose), nodes);
   out.displacement_m.assign(moved.begin(), moved.end());
   return out;
-}
-
-Vector3 SolidLayer::in_block(const TouchPose& pose) const {
-  const auto [x, y, z] = pose.position_m;
-  return {x - origin_x_m_, y, z - origin_z_m_};
-}
-
-void SolidLayer::move_to_scene(std::vector<NodalPressure>& nodes) const {
-  for (NodalPressure& p : nodes) {
-    p.position_m[0] += origin_x_m_;
-    p.position_m[2] += origin_z_m_;
-  }
-}
-
-bool SolidLayer::follows(const TouchPose& pose) {
-  const std::lock_guard lock(last_mutex_);
-  return own_track(pose) != tracks_.end();
-}
-
-void SolidLayer::follow(const TouchPose& pose) {
-  const std::lock_guard lock(last_mutex_);
-  if (const auto own = own_track(pose); own != tracks_.end()) tracks_.erase(own);
-  tracks_.push_back({pose.position_m, Clock::now()});
-  if (tracks_.size() > Corrector::kMaxFingers) tracks_.pop_front();
-}
-
-auto SolidLayer::own_track(const TouchPose& pose) -> std::deque<Track>::iterator {
-  return std::ranges::find_if(tracks_, [&, now = Clock::now()](const Track& track) {
-    const auto& [x, y, z] = track.position_m;
-    const auto& [px, py, pz] = pose.position_m;
-    const auto passed = now - track.at;
-    const double could_m = std::min(kFarthestM, kFastestMS * std::chrono::duration<double>(passed).count());
-    return passed < choices::kTrustLasts && std::hypot(px - x, py - y, pz - z) <= could_m;
-  });
-}
-
-bool SolidLayer::covers(const Fingertip& tip, const Vector3& position_m) const {
-  const auto [x, y, z] = position_m;
-  const double reach = tip.shape == FingertipShape::kNode ? 3 * tip.footprint_m : reach_m(tip, y, 0);
-  const auto inside = [reach](double at, double begin, double end, double around) {
-    return at >= begin && at < end && at - reach > begin - around && at + reach < end + around;
-  };
-  return inside(x, region_.begin_x_m, region_.end_x_m, around_x_m_) &&
-         inside(z, region_.begin_z_m, region_.end_z_m, around_z_m_);
-}
-
-void SolidLayer::require_covered(const Fingertip& tip, const TouchPose& pose) const {
-  const auto [x, y, z] = pose.position_m;
-  if (!covers(tip, pose.position_m))
-    throw std::out_of_range(
-        fmt::format("pose: at x {:.4g} m, z {:.4g} m the tip is beside the solid, which reaches from "
-                    "{:.4g} to {:.4g} m along x "
-                    "and from {:.4g} to {:.4g} m along z",
-                    x, z, region_.begin_x_m, region_.end_x_m, region_.begin_z_m, region_.end_z_m));
-}
-
-ContactAnswer SolidLayer::answered(const Fingertip& tip, const TouchPose& pose) {
-  require_covered(tip, pose);
-  const std::uint64_t done = corrector_.done();
-  {
-    const std::lock_guard lock(last_mutex_);
-    if (last_ && last_->done == done && last_->tip == tip && last_->position_m == pose.position_m)
-      return last_->answer;  // made ready, then touched
-  }
-  Last last{tip, pose.position_m, done, contact_.felt_answer(tip, in_block(pose))};
-  const std::lock_guard lock(last_mutex_);
-  last_ = last;
-  return std::move(last.answer);
-}
-
-void SolidLayer::correct(const Fingertip& tip, const TouchPose& pose) {
-  if (!covers(tip, pose.position_m)) return;  // it leaves
-  try {
-    const SolveReport known = contact_.answer(tip, in_block(pose)).solve;
-    if (settled(known)) return;
-    const std::lock_guard lock(*mutex_);
-    const double asked =
-        std::clamp(kCorrected * known.relative_error, choices::kSolidForceError, kMaxCorrected);
-    iterations_ += contact_.correct(tip, in_block(pose), asked).iterations;
-  } catch (const std::out_of_range&) {  // said by the answer when the finger is there
-  } catch (const std::invalid_argument&) {
-  }
-}
-
-void SolidLayer::rethrow_of_device(const std::exception_ptr& failure) try {
-  std::rethrow_exception(failure);
-} catch (const DeviceMemoryError&) {
-} catch (const DeviceError&) {
-  corrector_.forget_failure();
-  throw;
-} catch (const std::exception&) {
 }
 
 }  // namespace teletact::service

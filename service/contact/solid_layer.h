@@ -1,102 +1,138 @@
-// A plane of nodes of a block of solid tissue, ready to be touched: answers at once, corrections beside.
+// A plane of nodes of a block of solid tissue as one finger touches it: by shares of the force where they are
+// good enough for it there (T9.5), else by the nodes, which are corrected beside.
 #pragma once
 
 #include <array>
 #include <atomic>
-#include <cstdint>
-#include <deque>
 #include <exception>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "service/contact/corrector.h"
+#include "service/contact/shares_touch.h"
 #include "service/contact/solid_contact.h"
 #include "service/contact/solid_touch_model.h"
 
 namespace teletact::service {
 
-class SolidLayer final : public TouchedLayer {
- public:
-  SolidLayer(const SolidBlock&, const std::shared_ptr<Device>&, const MemoryAccount&);
-  // Another modulus in the place of another's, solved with what that has. Ready while that is touched.
-  SolidLayer(const SolidBlock&, const SolidLayer& before, const MemoryAccount&);
-  // A row of nodes of the same tissue, solved with what that has.
-  SolidLayer(const SolidLayer& same, std::size_t row, const MemoryAccount&);
+// Why shares answer where nodes were chosen.
+inline constexpr const char* kLateReason = "the nodes are not corrected yet, shares answer";
+inline constexpr const char* kFailedReason = "the nodes' correction failed, shares answer";
+inline constexpr const char* kNoContactReason = "the nodes have no contact";
 
-  double drift() const { return contact_.drift().shape; }
-  SolvePath path() const override { return SolvePath::kGradients; }
-  // Corrections are made beside; none is waited for by a finger that is followed.
-  bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point until) override;
-  bool welcomes(const Fingertip&, const TouchPose&) override;
-  ContactAnswer touch(const Fingertip&, const TouchPose&) override;
-  std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
-                                                             double force_n) const override;
-  std::optional<DeformedLayer> deformed(const Fingertip&, const TouchPose&, double around_m,
-                                        std::size_t max_nodes) const override;
-  std::string remark(const Fingertip&, const TouchPose&) const override;
-  std::shared_ptr<TouchedLayer> apart() override;
+// A row of nodes of a block: shared by all who touch it, and corrected for them.
+class SolidNodes {
+ public:
+  SolidNodes(const SolidBlock&, const std::shared_ptr<Device>&, const MemoryAccount&);
+  // Another modulus in the place of another's, solved with what that has. Ready while that is touched.
+  SolidNodes(const SolidBlock&, const SolidNodes& before, const MemoryAccount&);
+  // A row of nodes of the same tissue, solved with what that has.
+  SolidNodes(const SolidNodes& same, std::size_t row, const MemoryAccount&);
+
+  // Whether its shares are learned; has it done by `work`, and again a while after it failed, which the log
+  // says.
+  static bool learned(const std::shared_ptr<SolidNodes>&, const TouchWork& work, const std::string& client);
   // SolidContact's, by any thread. Throws DeviceError, MemoryRefused.
   void learn_shares();
-  // Whether that is done; has it done by `work`, and again a while after it failed, which the log says.
-  static bool learned(const std::shared_ptr<SolidLayer>&, const TouchWork& work, const std::string& client);
   // Of the last time; null: nothing failed.
   std::exception_ptr not_learned();
   // Whether what it took the place of had learned: until it has, that one answers.
   bool follows_learned() const { return follows_learned_; }
-  std::shared_ptr<const SharesTouch> shares(const Fingertip& tip) const { return contact_.shares(tip); }
   Vector3 in_block(const TouchPose&) const;
+  void move_to_scene(std::vector<NodalPressure>&) const;
   // Throws std::out_of_range where the tip is beside the block.
   void require_covered(const Fingertip&, const TouchPose&) const;
-  std::array<double, 2> spacing_m(double) const override { return spacing_m_; }
+
+  const Region region;
+  const double origin_x_m, origin_z_m;
+  const std::array<double, 2> spacing_m;  // along x and z
+  const MemoryAccount account;
+  const std::shared_ptr<Device> device;     // outlives its queue's arrays
+  const std::shared_ptr<std::mutex> mutex;  // of all that share the solver
+  const Charge charge;
+  SolidContact<float> contact;              // corrected under the mutex
+  std::atomic<std::size_t> iterations = 0;  // of corrections since the last answer
 
  private:
-  friend class LayerApart;
   template <class Make>
-  SolidLayer(const SolidLayer& other, const MemoryAccount&, Charge, const Make& contact);
+  SolidNodes(const SolidNodes& other, const MemoryAccount&, Charge, const Make& contact);
+  bool covers(const Fingertip&, const Vector3& position_m) const;
+  void correct(const Fingertip&, const TouchPose&);  // by the corrector's thread
+  const double around_x_m_, around_z_m_;  // tissue on each side, up to where the other side's begins
+  bool follows_learned_ = false;
+  std::mutex learned_mutex_;  // of these
+  bool asked_to_learn_ = false;
+  std::exception_ptr not_learned_;
+  std::chrono::steady_clock::time_point learns_again_{};
+
+ public:
+  Corrector corrector{
+      [this](const Fingertip& tip, const TouchPose& pose) { correct(tip, pose); }};  // ends first
+};
+
+// A tip that shares do not know, and one whose shares are not learned yet, is answered by the nodes. Where
+// these are late, or have no contact (a hard lump at the surface, deep), shares answer if they are off by
+// less. Such an answer is of no solution that converged: it says why, and is trusted as far as the nodes' own
+// would be.
+class SolidLayer final : public TouchedLayer {
+ public:
+  // way.path: kAuto, kShares: they are taken as deep as they know, or kGradients: the nodes alone. way.law:
+  // it has nodes of its own, made when they are asked for, and all that it wants is corrected where it is
+  // wanted. deviation: as usual_tolerance().
+  SolidLayer(std::shared_ptr<SolidNodes>, const TouchWay&, double deviation);
+  ContactAnswer answer(const Fingertip&, const TouchPose&) override;
+  std::optional<TouchJob> wanted(const Fingertip&, const TouchPose&, double around_m) override;
+  std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
+                                                             double force_n) const override;
+  std::optional<DeformedLayer> deformed(const Fingertip&, const TouchPose&, double around_m,
+                                        std::size_t max_nodes) const override;
+  std::array<double, 2> spacing_m(double) const override { return nodes_->spacing_m; }
+
+ private:
+  using Shares = std::shared_ptr<const SharesTouch>;
+  struct Chosen {
+    Fingertip tip;
+    Vector3 at{};
+    bool shares = false;
+  };
   struct Last {
     Fingertip tip;
     Vector3 position_m;
     std::uint64_t done;  // corrections by then
     ContactAnswer answer;
   };
-  struct Track {
-    Vector3 position_m;
-    Clock::time_point at;
-  };
-  void move_to_scene(std::vector<NodalPressure>&) const;
-  // Whether a finger that may have come from there was answered well a short time ago.
-  bool follows(const TouchPose&);
-  void follow(const TouchPose&);
-  std::deque<Track>::iterator own_track(const TouchPose&);
-  bool covers(const Fingertip&, const Vector3& position_m) const;
+  // Those that answer; null: the nodes do.
+  Shares choose(const Fingertip&, const Vector3& at);
+  // Those that know this touch; null: none. Under the mutex.
+  Shares shares(const Fingertip&, const Vector3& at);
+  double over(const SharesTouch&, const Vector3& at) const;
+  // Whether they answered there last, or would.
+  bool shares_will_do(const Fingertip&, const Vector3& at);
+  // By shares, where they are off by less than this, until the nodes are corrected. None of a law, and none
+  // where a tolerance was asked for, which they miss.
+  std::optional<ContactAnswer> meanwhile(const Fingertip&, const Vector3& at, double error);
+  // Shares as deep as they know; none beyond.
+  std::optional<ContactAnswer> in_the_nodes_place(const Fingertip&, const Vector3& at, const char* reason);
+  ContactAnswer by_nodes(const Fingertip&, const TouchPose&);
   ContactAnswer answered(const Fingertip&, const TouchPose&);  // by what was learned up to now
-  void correct(const Fingertip&, const TouchPose&);            // by the corrector's thread
-  // Others would fail as well, and another device may not. Once: the next touch tries again.
-  void rethrow_of_device(const std::exception_ptr&);
-
-  const Region region_;
-  const double origin_x_m_, origin_z_m_;
-  const double around_x_m_, around_z_m_;   // tissue on each side, up to where the other side's begins
-  const std::array<double, 2> spacing_m_;  // along x and z
-  const MemoryAccount account_;
-  const std::shared_ptr<Device> device_;     // outlives its queue's arrays
-  const std::shared_ptr<std::mutex> mutex_;  // of all that share the solver
-  const Charge charge_;
-  SolidContact<float> contact_;  // corrected under the mutex
-  std::mutex last_mutex_;        // of these
+  bool correct(const Fingertip&, const TouchPose&, Clock::time_point until);
+  std::optional<TouchJob> wanted_of_law(const Fingertip&, const Vector3& at);
+  void make_own();
+  const std::shared_ptr<SolidNodes> nodes_;
+  const bool law_, planned_, by_name_, pressure_;
+  const bool asked_for_;  // the tolerance
+  const Tolerance tolerance_;
+  std::mutex mutex_;  // of these
+  const std::shared_ptr<Planner> planner_;
+  std::optional<std::pair<Fingertip, Shares>> shares_;  // of the last tip; null: none
+  std::optional<Chosen> chosen_;
   std::optional<Last> last_;
-  std::deque<Track> tracks_;                 // of fingers that are followed
-  std::atomic<std::size_t> iterations_ = 0;  // of corrections since the last answer
-  bool follows_learned_ = false;
-  std::mutex learned_mutex_;  // of these
-  bool asked_to_learn_ = false;
-  std::exception_ptr not_learned_;
-  Clock::time_point learns_again_{};
-  Corrector corrector_{
-      [this](const Fingertip& tip, const TouchPose& pose) { correct(tip, pose); }};  // ends first
+  std::shared_ptr<SolidNodes> of_law_;  // of one thread
+  bool felt_ = false;                   // what they are corrected from
 };
 
 }  // namespace teletact::service

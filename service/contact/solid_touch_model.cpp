@@ -8,14 +8,14 @@
 #include <utility>
 
 #include "service/contact/plane_touch_model.h"
-#include "service/contact/planned_layer.h"
 #include "service/contact/solid_layer.h"
 #include "service/device/device.h"
 
 namespace teletact::service {
 
-SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const SolidTouchModel* before)
-    : TouchModel(account), state_(std::make_shared<State>()) {
+SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account,
+                                 const std::shared_ptr<SolidState>& before)
+    : TouchModel(account, {.solid = std::make_shared<SolidState>()}), state_(made_of().solid) {
   validate(block.tissue);
   // The block and its copy that is touched, the factor while it is made, its shares of forces, and what
   // touches leave: 12 pairs of either friction.
@@ -23,15 +23,13 @@ SolidTouchModel::SolidTouchModel(SolidBlock block, MemoryAccount account, const 
   state_->charge = account.charge(Place::kHost, "solids", 95 * grid.elements() + 3250 * grid.columns());
   state_->block = std::move(block);
   state_->account = std::move(account);
-  if (!before || take_over(*state_, *before->state_, nullptr)) return;
-  const std::lock_guard lock(before->state_->mutex);
+  if (!before || take_over(*state_, *before, nullptr)) return;
+  const std::lock_guard lock(before->mutex);
   // The oldest: what is begun of those between is not needed.
-  state_->before = before->state_->before          ? before->state_->before
-                   : before->state_->rows[0].asked ? before->state_
-                                                   : nullptr;
+  state_->before = before->before ? before->before : before->rows[0].asked ? before : nullptr;
 }
 
-std::pair<std::shared_ptr<SolidLayer>, std::shared_ptr<Device>> SolidTouchModel::ready(const State& state) {
+std::pair<std::shared_ptr<SolidNodes>, std::shared_ptr<Device>> SolidTouchModel::ready(const State& state) {
   const std::lock_guard lock(state.mutex);
   const Row& surface = state.rows.at(0);
   return {surface.kept, surface.device};
@@ -41,7 +39,7 @@ bool SolidTouchModel::take_over(State& state, const State& before,
                                 const std::shared_ptr<Device>& wanted) try {
   const auto [former, device] = ready(before);
   if (!former || (wanted && wanted != device)) return false;
-  auto made = std::make_shared<SolidLayer>(state.block, *former, state.account);
+  auto made = std::make_shared<SolidNodes>(state.block, *former, state.account);
   const std::lock_guard lock(state.mutex);
   Row& surface = state.rows[0];
   surface.ready = surface.kept = std::move(made);
@@ -57,15 +55,12 @@ std::shared_ptr<SolidTouchModel::State> SolidTouchModel::being_made_before() con
   return state_->before;
 }
 
-double SolidTouchModel::drift() const {
-  const auto surface = ready(*state_).first;
-  return surface ? surface->drift() : 0;
-}
-
-std::shared_ptr<const SolidTouchModel> SolidTouchModel::renewed(const MemoryAccount& account) const {
+std::shared_ptr<const TouchModel> SolidTouchModel::renewed(const MemoryAccount& account) const {
+  const auto [surface, device] = ready(*state_);
+  if (!surface || !(surface->contact.drift().shape > choices::kMaxDrift)) return nullptr;
   auto fresh = std::make_shared<const SolidTouchModel>(state_->block, account);
   TouchWay way;
-  way.device = ready(*state_).second;
+  way.device = device;
   fresh->layer(Layer{}, way, {});
   return fresh;
 }
@@ -85,7 +80,7 @@ TouchCost SolidTouchModel::cost() const {
 std::string SolidTouchModel::plan() const {
   const Fingertip usual;
   const auto surface = ready(*state_).first;
-  const auto shares = surface ? surface->shares(usual) : nullptr;
+  const auto shares = surface ? surface->contact.shares(usual) : nullptr;
   if (!shares) return "how its surface is touched is planned at the first touch";
   constexpr double kUsualM = 0.002;
   const double off = shares->max_half_width(kUsualM);
@@ -114,31 +109,31 @@ std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const T
         "open.path: below the surface a solid has no closed form; use auto or gradients");
   auto top = surface(way, work);
   if (top && below == 0 && way.path != SolvePath::kGradients && way.shares) {
-    if (!SolidLayer::learned(top, work, way.client)) {
+    if (!SolidNodes::learned(top, work, way.client)) {
       const auto failure = top->not_learned();
       if (by_shares && failure) std::rethrow_exception(failure);
       if (by_shares || (top->follows_learned() && !failure)) return nullptr;
     }
-    return std::make_shared<PlannedLayer>(std::move(top), way, state_->block.log_deviation);
   }
-  if (!top || below == 0) return top;
-  return row(below, way, work, [top, below](const State& state) {
-    return std::make_shared<SolidLayer>(*top, below, state.account);
-  });
+  if (top && below > 0)
+    top = row(below, way, work, [top, below](const State& state) {
+      return std::make_shared<SolidNodes>(*top, below, state.account);
+    });
+  return top ? std::make_shared<SolidLayer>(std::move(top), way, state_->block.log_deviation) : nullptr;
 }
 
-std::shared_ptr<SolidLayer> SolidTouchModel::surface(const TouchWay& way, const TouchWork& work) const {
+std::shared_ptr<SolidNodes> SolidTouchModel::surface(const TouchWay& way, const TouchWork& work) const {
   if (const auto before = being_made_before()) {
     if (take_over(*state_, *before, way.device)) return ready(*state_).first;
     const std::lock_guard lock(before->mutex);
     if (before->rows[0].asked) return nullptr;
   }
   return row(0, way, work, [device = way.device](const State& state) {
-    return std::make_shared<SolidLayer>(state.block, device, state.account);
+    return std::make_shared<SolidNodes>(state.block, device, state.account);
   });
 }
 
-std::shared_ptr<SolidLayer> SolidTouchModel::row(std::size_t index, const TouchWay& way,
+std::shared_ptr<SolidNodes> SolidTouchModel::row(std::size_t index, const TouchWay& way,
                                                  const TouchWork& work, const Make& make) const {
   {
     const std::lock_guard lock(state_->mutex);
@@ -165,7 +160,7 @@ std::shared_ptr<SolidLayer> SolidTouchModel::row(std::size_t index, const TouchW
 
 void SolidTouchModel::make_ready(State& state, std::size_t index, const std::shared_ptr<Device>& device,
                                  const Make& make) {
-  std::shared_ptr<SolidLayer> made;
+  std::shared_ptr<SolidNodes> made;
   std::exception_ptr error;
   try {
     made = make(state);
@@ -173,7 +168,7 @@ void SolidTouchModel::make_ready(State& state, std::size_t index, const std::sha
     error = std::current_exception();
     spdlog::warn("event=solid_not_prepared row={} error=\"{}\"", index, e.what());
   }
-  std::vector<std::shared_ptr<SolidLayer>> dropped;  // outside the lock: each waits for its correction
+  std::vector<std::shared_ptr<SolidNodes>> dropped;  // outside the lock: each waits for its correction
   const std::lock_guard lock(state.mutex);
   for (auto& [other, row] : state.rows)
     if (other == index || (index > 0 && other > 0)) dropped.push_back(std::exchange(row.kept, nullptr));

@@ -8,7 +8,8 @@
 
 namespace teletact::service {
 
-TouchModel::TouchModel(MemoryAccount account) : laws_(std::make_shared<ContactLaws>(std::move(account))) {}
+TouchModel::TouchModel(MemoryAccount account, MadeOf made_of)
+    : made_of_(std::move(made_of)), laws_(std::make_shared<ContactLaws>(std::move(account))) {}
 
 bool round_and_frictionless(const Fingertip& tip) {
   return tip.friction == Friction::kFrictionless &&

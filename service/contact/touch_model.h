@@ -10,10 +10,10 @@
 #include <compare>
 #include <cstddef>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "service/base/force_budget.h"
@@ -25,6 +25,8 @@ namespace teletact::service {
 
 class ContactLaws;
 class Device;
+class TissueModel;
+struct SolidState;
 
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<double, 9>;  // row-major
@@ -47,11 +49,15 @@ struct Fingertip {
 };
 bool round_and_frictionless(const Fingertip&);
 
-// What is covered, [begin, end) both ways; a plane covers every z.
+struct RangeZ {
+  double begin_m = 0, end_m = 0;
+  bool holds(double z_m) const { return z_m >= begin_m && z_m < end_m; }
+};
+
+// What is covered, [begin, end) both ways.
 struct Region {
   double begin_x_m = 0, end_x_m = 0;
-  double begin_z_m = -std::numeric_limits<double>::infinity(),
-         end_z_m = std::numeric_limits<double>::infinity();
+  std::optional<RangeZ> z = {};  // none: a plane's, whose tissue is the same at every z
 };
 
 // A plane of points in the undeformed tissue that a tip is pressed on: the surface, or one inside.
@@ -109,8 +115,10 @@ struct ContactAnswer {
   bool strain_beyond_linear = false;    // largest_strain > kLargestLinearStrain
   std::size_t iterations = 0;           // of the contact solve, Newton's
   SolveReport solve;                    // relative_error: what the solver states the force may be off by
-  SolvePath path = SolvePath::kAuto;    // by which it was found; kAuto: as all of its layer's
+  SolvePath path = SolvePath::kAuto;    // by which it was found
   ForceBudget budget;                   // empty: the model does not state all that it may be off by
+  // What to know of it, though it is right, such as a mesh too coarse for the tip; empty: nothing.
+  std::string remark = {};
 };
 
 struct TouchWay {
@@ -121,52 +129,70 @@ struct TouchWay {
   std::optional<Tolerance> tolerance = {};  // none: as usual, or half of what the modulus is known to
   bool pressure = false;                    // answers have to tell pressures
   std::shared_ptr<Planner> planner = {};    // of the finger; none: each touch is planned on its own
+  // To sample its law by: one thread touches it in many places, and what it learns is no loss to others.
+  bool law = false;
 };
 
 // Has jobs done that a touch asks for and must not wait for, some time, on another thread, where clients take
 // turns. Empty: nobody does; what is asked for is then made in place.
 using TouchWork = std::function<void(const std::string& client, std::function<void()>)>;
 
-// A layer of a model that is ready to be touched, for as long as somebody holds it. Thread-safe.
+// Whether a finger that is put down waits for a job.
+enum class JobWait {
+  kBeside,   // it is answered meanwhile
+  kAwaited,  // it is answered once that is done, or the time is up
+  kFirst     // the same, and has no answer before that is done
+};
+
+// What would make the answers at a pose better, for whoever schedules it.
+struct TouchJob {
+  // Of the force, relative, as it is known without it; infinite: nothing is known; 0: it is for where the
+  // finger will be.
+  double error = 0;
+  double cost_s = 0;  // how long it takes, about; 0: not known
+  JobWait wait = JobWait::kBeside;
+  // Works in small steps, none of which is begun after `until`, or has it done beside, at once, and waits
+  // for that until then. True when it is done. Throws what makes an answer impossible. Not beyond the layer.
+  std::function<bool(std::chrono::steady_clock::time_point until)> work = {};
+};
+
+// A layer of a model that is ready to be touched, for as long as somebody holds it. Thread-safe; one that
+// samples a law is touched by one thread at a time.
 class TouchedLayer {
  public:
   using Clock = std::chrono::steady_clock;
+  explicit TouchedLayer(std::shared_ptr<Device> device = {}) : device_(std::move(device)) {}
   virtual ~TouchedLayer() = default;
-  virtual SolvePath path() const = 0;  // by which it answers
-  // Gets ready what this tip needs at this pose and, next, within `around_m` of it, in small steps of which
-  // none is begun after `until`; false when some is left. Throws MemoryRefused where there is no room.
-  virtual bool prepare(const Fingertip&, const TouchPose&, double /*around_m*/, Clock::time_point /*until*/) {
-    return true;
-  }
-  // Whether a finger that presses, and was answered by another layer up to now, would be answered well and at
-  // once; if not, what it lacks is made ready beside. Throws as touch().
-  virtual bool welcomes(const Fingertip&, const TouchPose&) { return true; }
+  // On which it is solved; null: on none.
+  const std::shared_ptr<Device>& device() const { return device_; }
+  // By what is known now, waiting for nothing: with an infinite relative_error where that is nothing yet.
   // Throws std::out_of_range where the model cannot be touched, std::invalid_argument (field named) for an
   // unusable fingertip or pose, std::domain_error when no finite answer exists.
-  virtual ContactAnswer touch(const Fingertip&, const TouchPose&) = 0;
+  virtual ContactAnswer answer(const Fingertip&, const TouchPose&) = 0;
+  // What would make that better and, where around_m is above 0, the answers within it of the pose; none:
+  // nothing would. Throws as answer(), and MemoryRefused where there is no room.
+  virtual std::optional<TouchJob> wanted(const Fingertip&, const TouchPose&, double /*around_m*/) {
+    return std::nullopt;
+  }
   // What would press `force_n` in all under the same tip, at the same place, if the tissue's stiffness
   // changed with depth alone; none where the model cannot tell. By any thread, beside the others. Throws as
-  // touch().
+  // answer().
   virtual std::optional<std::vector<NodalPressure>> layered_pressure(const Fingertip&, const TouchPose&,
                                                                      double /*force_n*/) const {
     return std::nullopt;
   }
   // How it gives way under the tip at this pose, by the nodal forces of its contact: its nodes up to
   // `around_m` of the tip along x and z, every second or third where more than `max_nodes` would be told;
-  // none where it cannot tell. By any thread, beside the others. Throws as touch().
+  // none where it cannot tell. By any thread, beside the others. Throws as answer().
   virtual std::optional<DeformedLayer> deformed(const Fingertip&, const TouchPose&, double /*around_m*/,
                                                 std::size_t /*max_nodes*/) const {
     return std::nullopt;
   }
-  // What to know of a touch that is answered all the same, such as a mesh too coarse for the tip; empty:
-  // none.
-  virtual std::string remark(const Fingertip&, const TouchPose&) const { return ""; }
-  // The same, for the sampling of a law: it learns on its own, at no loss to whoever touches this one, and
-  // answers by a guess until prepare() has had its contact corrected. Null: touching this one costs it
-  // nothing.
-  virtual std::shared_ptr<TouchedLayer> apart() { return nullptr; }
   // From one node to the next around here, along x and z: forces ripple with it. 0: they do not.
   virtual std::array<double, 2> spacing_m(double /*x_m*/) const { return {}; }
+
+ private:
+  const std::shared_ptr<Device> device_;
 };
 
 struct TouchCost {
@@ -174,11 +200,18 @@ struct TouchCost {
   double operations = 0;  // in floating point, to get one ready: 0 where nothing has to be
 };
 
+// The tissue that a model is of, and what the model that takes its place may use again: a plane's, a solid's,
+// or none.
+struct MadeOf {
+  std::shared_ptr<const TissueModel> plane = {};
+  std::shared_ptr<SolidState> solid = {};
+};
+
 // The model that is touched: immutable once made, shared by any number of touch streams. Thread-safe.
 class TouchModel {
  public:
   // `account`: in whose name its contact laws are held.
-  explicit TouchModel(MemoryAccount account = {});
+  explicit TouchModel(MemoryAccount account = {}, MadeOf made_of = {});
   virtual ~TouchModel() = default;
   virtual const char* name() const = 0;           // of its kind, for logs
   virtual Region region() const = 0;              // where it can be touched
@@ -190,10 +223,14 @@ class TouchModel {
   // Throws std::out_of_range for a layer that it has not, and what making it ready throws, here or
   // elsewhere.
   virtual std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork& work) const = 0;
+  // What is to take its place once slices have worn it: ready, where it was; null while it serves.
+  virtual std::shared_ptr<const TouchModel> renewed(const MemoryAccount&) const { return nullptr; }
+  const MadeOf& made_of() const { return made_of_; }
   // What the forces of its layers are interpolated from, so that they can be felt far away.
   ContactLaws& laws() const { return *laws_; }
 
  private:
+  const MadeOf made_of_;
   const std::shared_ptr<ContactLaws> laws_;
 };
 

@@ -141,9 +141,9 @@ void stamp_to(std::int64_t monotonic_ns, std::uint64_t instance, v1::Stamp* out)
 void region_to(const Region& in, v1::Region* out) {
   out->set_begin_x_m(in.begin_x_m);
   out->set_end_x_m(in.end_x_m);
-  if (!std::isfinite(in.begin_z_m) || !std::isfinite(in.end_z_m)) return;
-  out->set_begin_z_m(in.begin_z_m);
-  out->set_end_z_m(in.end_z_m);
+  if (!in.z) return;
+  out->set_begin_z_m(in.z->begin_m);
+  out->set_end_z_m(in.z->end_m);
 }
 
 void layer_to(const Layer& in, v1::Layer* out) {

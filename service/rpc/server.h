@@ -31,7 +31,7 @@ struct ServerOptions {
   std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
   Limits limits;
   ConnectionLimits connections;
-  std::shared_ptr<const TouchModels> models = plane_models();  // what scenes are touched on
+  std::shared_ptr<const TouchModels> models = tissue_models();  // what scenes are touched on
   SlowTimes slow;
   Access::Now now = WallClock::now;  // by which access expires
   std::chrono::milliseconds access_look = FileWatch::kLook;

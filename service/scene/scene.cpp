@@ -267,7 +267,7 @@ Published Scene::publish(const ModulusSlice& slice) {
 
 std::shared_ptr<const TouchModel> Scene::renewed() const {
   const auto now = snapshot();
-  return now->modulus ? models_->renewed(*now->windows.front()->model, account_) : nullptr;
+  return now->modulus ? now->windows.front()->model->renewed(account_) : nullptr;
 }
 
 void Scene::renew(const TouchModel& renewed) {

@@ -70,14 +70,14 @@ class Scene {
 
   // `account`: in whose name all that it holds is held; `models`: what its windows are touched on.
   Scene(std::string id, const SceneGeometry&, std::shared_ptr<VersionCounter>, const Limits& = {},
-        const MemoryAccount& account = {}, std::shared_ptr<const TouchModels> models = plane_models());
+        const MemoryAccount& account = {}, std::shared_ptr<const TouchModels> models = tissue_models());
   // Touchable at once, on exactly this grid. Throws std::invalid_argument (field named).
   Scene(std::string id, const SceneGeometry&, ExplicitModulus, std::shared_ptr<VersionCounter>,
         const Limits& = {}, const MemoryAccount& = {},
-        std::shared_ptr<const TouchModels> models = plane_models());
+        std::shared_ptr<const TouchModels> models = tissue_models());
   // As it was kept; builds its models.
   Scene(const SceneRecord&, std::shared_ptr<VersionCounter>, const Limits& = {}, const MemoryAccount& = {},
-        std::shared_ptr<const TouchModels> models = plane_models());
+        std::shared_ptr<const TouchModels> models = tissue_models());
 
   const std::string& id() const { return id_; }
   const SceneGeometry& geometry() const { return geometry_; }

@@ -50,7 +50,7 @@ Region SceneSnapshot::covered_around(double x_m) const {
       begin_m = window->region.begin_x_m, end_m = begin_m;
     end_m = std::max(end_m, window->region.end_x_m);
     inside = x_m >= begin_m && x_m < end_m;
-    if (inside) covered = {begin_m, end_m, window->region.begin_z_m, window->region.end_z_m};
+    if (inside) covered = {begin_m, end_m, window->region.z};
   }
   return covered;
 }

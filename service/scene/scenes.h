@@ -22,7 +22,7 @@ class Scenes {
   // `memory` (may be null): what its scenes are charged to; `models`: what they are touched on.
   explicit Scenes(const std::filesystem::path& state_directory, const Limits& = {},
                   std::shared_ptr<Files> = machine_files(), std::shared_ptr<MemoryBudget> memory = {},
-                  std::shared_ptr<const TouchModels> models = plane_models(), bool standby = false);
+                  std::shared_ptr<const TouchModels> models = tissue_models(), bool standby = false);
   ~Scenes();  // writes what was published
 
   // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside. With

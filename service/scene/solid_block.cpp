@@ -114,8 +114,8 @@ SolidBlock solid_block(const SceneGeometry& geometry, const ExplicitModulus& e) 
   block.origin_x_m = e.x_m.front();
   block.origin_z_m = e.z_m.front();
   const double inf = HUGE_VAL;  // the last column belongs to it
-  block.region = {e.x_m.front(), std::nextafter(e.x_m.back(), inf), e.z_m.front(),
-                  std::nextafter(e.z_m.back(), inf)};
+  block.region = {e.x_m.front(), std::nextafter(e.x_m.back(), inf),
+                  RangeZ{e.z_m.front(), std::nextafter(e.z_m.back(), inf)}};
   grow(block.tissue.youngs_modulus_pa, grid.elements(), 0.0);
   fill(block, e, [](const Between&) { return true; });
   validate(block.tissue);

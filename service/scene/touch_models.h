@@ -43,16 +43,11 @@ class TouchModels {
                                                      const MemoryAccount& account) const {
     return of_modulus(geometry, e, account);
   }
-  // What is to take the place of a model that slices have worn: ready, where that was; null while it serves.
-  virtual std::shared_ptr<const TouchModel> renewed(const TouchModel&, const MemoryAccount&) const {
-    return nullptr;
-  }
   // Compiles what they use of the device: the first touch must not wait for the compiler.
   virtual void warm(const std::shared_ptr<Device>&) const {}
 };
 
-// Plane strain: tissue around a window (window_tissue.h), and given grids as they are; solid where the given
-// modulus is one.
-std::shared_ptr<const TouchModels> plane_models();
+// Plane strain around a window (window_tissue.h), and given grids as they are: planes, or solids.
+std::shared_ptr<const TouchModels> tissue_models();
 
 }  // namespace teletact::service

@@ -66,7 +66,7 @@ void LawOutbox::look(const SceneSnapshot& snapshot, double x_m, const LawOf& law
       sent.follows = known != windows_.end() && (known->second.law || known->second.follows);
     }
     sent.version = window->version;
-    sent.lanes = std::isfinite(window->region.begin_z_m);
+    sent.lanes = window->region.z.has_value();
     if (!sent.law || !sent.law->whole) grow(sent, law_of(*window));
   }
   windows_ = std::move(near);

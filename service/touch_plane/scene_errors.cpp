@@ -22,10 +22,10 @@ Beside beside_what_was_given(const Region& region, const Fingertip& tip, const T
   constexpr double kBesideShare = 0.07;
   const auto& [x_m, d_m, z_m] = pose.position_m;
   const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
-  if (!std::isfinite(region.begin_z_m) || !round || !(d_m > 0)) return {};
+  if (!region.z || !round || !(d_m > 0)) return {};
   const double radius_m = std::sqrt(tip.radius_m * d_m),
                away_m = std::max(0.0, std::min({x_m - region.begin_x_m, region.end_x_m - x_m,
-                                                z_m - region.begin_z_m, region.end_z_m - z_m}));
+                                                z_m - region.z->begin_m, region.z->end_m - z_m}));
   const double borne = kBesideShare * depth_m * radius_m / (away_m * (away_m + depth_m / 4));
   return {away_m, std::min(0.5, borne) * std::log(3)};
 }

@@ -16,8 +16,17 @@
 namespace teletact::service {
 namespace {
 
+// A finger that would be faster was put down elsewhere.
+constexpr double kFastestMS = 0.5;
+
 bool all_finite(std::span<const double> values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); });
+}
+
+double distance_m(const TouchPose& from, const TouchPose& to) {
+  const auto& [x, y, z] = from.position_m;
+  const auto& [to_x, to_y, to_z] = to.position_m;
+  return std::hypot(to_x - x, to_y - y, to_z - z);
 }
 
 void fail(TouchAnswer& answer, const char* why) {
@@ -45,8 +54,8 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       options_(canonical(std::move(options))),
       layer_(scene_->layer_near(options_.layer_depth_m)),
       way_{.path = options_.path, .device = std::move(device), .client = options_.client} {
-  const auto given = scene_->snapshot()->modulus;
-  const bool solid = given && given->solid();
+  const auto snapshot = scene_->snapshot();
+  const bool solid = !snapshot->windows.empty() && snapshot->windows.front()->region.z;
   check(options_, layer_, solid, scene_->limits());
   way_.shares = has_shares(options_, layer_, solid);
   if (way_.shares) {  // laws are of each tolerance
@@ -64,8 +73,7 @@ TouchSession::~TouchSession() {
 void TouchSession::use(const std::shared_ptr<Device>& device) {
   if (device == way_.device) return;
   way_.device = device;
-  if (way_.path == SolvePath::kGradients || (touched_ && touched_->path() == SolvePath::kGradients))
-    leave_window();
+  if (touched_ && touched_->device()) leave_window();
 }
 
 // In what way the position is not one of a finger on this tissue; empty when it is.
@@ -93,10 +101,10 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
                     ? snapshot->window_at(x_m, window_ ? window_->id : 0, choices::kHandOver)
                     : nullptr;
   const double z_m = position_m[2];
-  if (window && (z_m < window->region.begin_z_m || z_m >= window->region.end_z_m)) {
+  if (window && window->region.z && !window->region.z->holds(z_m)) {
     answer.warning = fmt::format(
         "pose.position_m[2]: {:.4g} m is beside the tissue, which reaches from {:.4g} to {:.4g} m along z",
-        z_m, window->region.begin_z_m, window->region.end_z_m);
+        z_m, window->region.z->begin_m, window->region.z->end_m);
     window = nullptr;
   }
   if (!window) {
@@ -140,11 +148,12 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
 
 std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window, const Vector3& near_m) const
     try {
-  const bool plane = !std::isfinite(window.region.begin_z_m);
-  if (plane && way_.path == SolvePath::kGradients) return nullptr;
-  const auto touched = window.model->layer(layer_, way_, scene_->touch_work());
+  if (!ContactLaws::has(layer_, way_, window.region)) return nullptr;
+  TouchWay way = way_;
+  way.law = true;
+  const auto touched = window.model->layer(layer_, way, scene_->touch_work());
   if (!touched) return nullptr;
-  return window.model->laws().get(options_.fingertip, layer_, way_, touched, window.region, near_m,
+  return window.model->laws().get(options_.fingertip, layer_, way, touched, window.region, near_m,
                                   scene_->touch_work());
 } catch (const std::exception&) {  // said by the answer when the finger is there
   return nullptr;
@@ -152,7 +161,7 @@ std::shared_ptr<const ContactLaw> TouchSession::law_of(const WindowModel& window
 
 void TouchSession::leave_window() {
   window_.reset(), touched_.reset(), seen_.reset(), arriving_.reset();
-  at_.reset(), before_.reset();
+  at_.reset(), before_.reset(), trusted_.reset();
 }
 
 // False while the window's layer is being made ready. Until a newer model of the same window has it, and
@@ -169,8 +178,8 @@ bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const
   // This order: may_enter() counts on being heeded.
   if (window_ && work && !arrived(pose)) return true;
   if (window_ && !may_enter(*window)) return true;
-  window_ = window, touched_ = std::move(layer), arriving_.reset();
-  if (way_.path == SolvePath::kGradients || !work) return true;
+  window_ = window, touched_ = std::move(layer), arriving_.reset(), trusted_.reset();
+  if (touched_->device() || !work) return true;
   for (const auto& next : snapshot.windows)  // where the finger may go from here
     if (next != window && adjoin(*next, *window)) try {
         next->model->layer(layer_, way_, work);
@@ -179,17 +188,15 @@ bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const
   return true;
 }
 
-// Whether a newer model may answer here from now on: some time after the first was ready it may.
+// Whether a newer model may answer here from now on: where it does well, where nobody makes it do so beside,
+// and some time after the first was ready.
 bool TouchSession::arrived(const TouchPose& pose) try {
-  return arriving_->layer->welcomes(options_.fingertip, pose) ||
-         TouchedLayer::Clock::now() - arriving_->since >= choices::kArrives;
+  const auto job = arriving_->layer->wanted(options_.fingertip, pose, 0);
+  if (!job || job->error <= choices::kTrustedMeanwhile || !std::isfinite(job->error)) return true;
+  job->work(TouchedLayer::Clock::now());
+  return TouchedLayer::Clock::now() - arriving_->since >= choices::kArrives;
 } catch (const std::exception&) {  // said by the answer
   return true;
-}
-
-// For no longer than about this; false when some of what is needed is left.
-bool TouchSession::prepare(const TouchPose& pose, double around_m, std::chrono::milliseconds time) {
-  return touched_->prepare(options_.fingertip, pose, around_m, TouchedLayer::Clock::now() + time);
 }
 
 void TouchSession::look_ahead() try {
@@ -197,7 +204,8 @@ void TouchSession::look_ahead() try {
   TouchPose next = *at_;
   for (std::size_t k = 0; before_ && k < 3; ++k)
     next.position_m[k] += at_->position_m[k] - before_->position_m[k];
-  prepare(next, choices::kWidestReach, choices::kAhead);
+  if (const auto job = touched_->wanted(options_.fingertip, next, choices::kWidestReach))
+    job->work(TouchedLayer::Clock::now() + choices::kAhead);
 } catch (const DeviceMemoryError&) {  // says nothing of the device
 } catch (const DeviceError&) {
   throw;
@@ -206,24 +214,51 @@ void TouchSession::look_ahead() try {
 
 // Whether it pressed near by a short time before: a wait would take away the force that is felt.
 bool TouchSession::presses_on(const TouchPose& pose) const {
-  if (!at_ || !(indentation_m(layer_, *at_) > 0)) return false;
-  const auto& [x, y, z] = at_->position_m;
-  const auto& [to_x, to_y, to_z] = pose.position_m;
-  return TouchedLayer::Clock::now() - at_time_ < choices::kPressesOn &&
-         std::hypot(to_x - x, to_y - y, to_z - z) <= choices::kPressesOnM;
+  return at_ && indentation_m(layer_, *at_) > 0 &&
+         TouchedLayer::Clock::now() - at_time_ < choices::kPressesOn &&
+         distance_m(*at_, pose) <= choices::kPressesOnM;
+}
+
+// Whether it may have come from where it was answered well a short time before.
+bool TouchSession::is_followed(const TouchPose& pose) const {
+  if (!trusted_) return false;
+  const auto passed = TouchedLayer::Clock::now() - trusted_time_;
+  const double could_m =
+      std::min(choices::kPressesOnM, kFastestMS * std::chrono::duration<double>(passed).count());
+  return passed < choices::kTrustLasts && distance_m(*trusted_, pose) <= could_m;
+}
+
+// By what is known; a finger that is put down waits for what that lacks.
+ContactAnswer TouchSession::answered(const TouchPose& pose) {
+  const Fingertip& tip = options_.fingertip;
+  ContactAnswer answer = touched_->answer(tip, pose);
+  if (!(indentation_m(layer_, pose) > 0)) return answer;
+  auto job = touched_->wanted(tip, pose, 0);
+  const auto goes_on = [&] {
+    if (!std::isfinite(answer.solve.relative_error)) return false;
+    return is_followed(pose) || (job->wait != JobWait::kFirst && presses_on(pose));
+  };
+  if (job && job->wait != JobWait::kBeside && !goes_on()) {
+    const bool done = job->work(TouchedLayer::Clock::now() + choices::kLongestSolve);
+    job = touched_->wanted(tip, pose, 0);
+    answer = touched_->answer(tip, pose);
+    if (!std::isfinite(answer.solve.relative_error) || (!done && job && job->wait == JobWait::kFirst))
+      throw std::runtime_error(
+          "columns of the contact are still being solved; hold the finger above, or use "
+          "the compliance");
+  }
+  if (job) job->work(TouchedLayer::Clock::now());
+  return answer;
 }
 
 void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
-  answer.path = touched_->path();
-  const auto ready = [&] { return presses_on(pose) && prepare(pose, 0, std::chrono::milliseconds(0)); };
-  if (indentation_m(layer_, pose) > 0 && !ready() && !prepare(pose, 0, choices::kLongestSolve))
-    throw std::runtime_error(
-        "columns of the contact are still being solved; hold the finger above, or use "
-        "the compliance");
-  answer.contact = touched_->touch(options_.fingertip, pose);
-  if (answer.contact.path != SolvePath::kAuto) answer.path = answer.contact.path;
+  answer.path = touched_->device() ? SolvePath::kGradients : SolvePath::kCompliance;  // should it fail
+  answer.contact = answered(pose);
+  const ContactAnswer& c = answer.contact;
+  answer.path = c.state == ContactState::kContact ? c.path : SolvePath::kAuto;
   before_ = std::exchange(at_, pose), at_time_ = TouchedLayer::Clock::now();
-  if (answer.contact.state == ContactState::kNoContact) answer.path = SolvePath::kAuto;
+  if (c.solve.converged || c.solve.relative_error - c.solve.of_model <= choices::kTrustedMeanwhile)
+    trusted_ = pose, trusted_time_ = at_time_;
 }
 
 double TouchSession::measured_share(const StitchedMap& map, double x_m) const {
@@ -276,7 +311,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   const ContactAnswer& c = answer.contact;
   if (!finite(c)) throw std::runtime_error("the contact solve gave a force that is not finite");
   // These are said, but no reason to fade the force: it is the linear model's on this mesh, and continuous.
-  answer.warning = touched_->remark(options_.fingertip, pose);
+  answer.warning = c.remark;
   if (c.state == ContactState::kNoContact) return;
   const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
                                               scene_->geometry().depth_m - layer_.depth_m);
@@ -304,13 +339,12 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
                     fmt::join(answer.window_flags, ", ")));
 }
 
-// Only where all is ready by now: nobody waits for it.
+// By what is known now: nobody waits for it.
 std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot,
                                                    const TouchPose& above) try {
   const TouchPose pose = at_indentation(layer_, above, choices::kLightTouch);
-  if (!prepare(pose, 0, std::chrono::milliseconds(0))) return std::nullopt;
   const auto& [x_m, y_m, z_m] = pose.position_m;
-  ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->touch(options_.fingertip, pose)};
+  ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->answer(options_.fingertip, pose)};
   add_scene_errors(stated_log_deviation(snapshot, *window_, layer_, pose),
                    beside_what_was_given(window_->region, options_.fingertip, pose,
                                          scene_->geometry().depth_m - layer_.depth_m),

@@ -94,8 +94,9 @@ class TouchSession {
              const MayEnter&);
   bool arrived(const TouchPose&);
   void leave_window();
-  bool prepare(const TouchPose&, double around_m, std::chrono::milliseconds);
   bool presses_on(const TouchPose&) const;
+  bool is_followed(const TouchPose&) const;
+  ContactAnswer answered(const TouchPose&);
   void touch_into(TouchAnswer&, const TouchPose&);
   void judge(TouchAnswer&, const SceneSnapshot&, const TouchPose&) const;
   std::string doubt(const ContactAnswer&, const SceneSnapshot&, const TouchPose&) const;
@@ -115,7 +116,8 @@ class TouchSession {
   };
   std::optional<Arriving> arriving_;      // the newer model that is not entered yet
   std::optional<TouchPose> at_, before_;  // the poses that were touched last
-  TouchedLayer::Clock::time_point at_time_;
+  std::optional<TouchPose> trusted_;      // the last that touched_ answered well
+  TouchedLayer::Clock::time_point at_time_, trusted_time_;
   FingerMotion motion_;
 };
 

@@ -1,5 +1,4 @@
 // What is shown of a touch beside its answer: tactile images, how the layer gives way.
-#include <cmath>
 #include <exception>
 #include <utility>
 
@@ -20,7 +19,7 @@ void TouchSession::show(TactileOutbox& outbox, std::uint64_t sequence, const Vec
   if (!shows(answer) || !outbox.due(now)) return;
   const auto [x_m, y_m, z_m] = position_m;
   // A plane's contact lies about z = 0, wherever the finger is.
-  const bool plane = !std::isfinite(window_->region.begin_z_m);
+  const bool plane = !window_->region.z;
   const auto make = [touched = touched_, tip = options_.fingertip, grid = outbox.grid(),
                      nodes = answer.contact.pressure, pose = TouchPose{{x_m, y_m - layer_.depth_m, z_m}},
                      centre = Vector3{x_m, layer_.depth_m, plane ? 0 : z_m}] {

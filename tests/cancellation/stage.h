@@ -18,7 +18,7 @@ class Service {
  public:
   static constexpr std::size_t kScenes = 3;  // that make_ready() makes
   explicit Service(bool ready)
-      : server_("127.0.0.1:0", "", limits(), service::plane_models(), {}, false, {}, patient()) {
+      : server_("127.0.0.1:0", "", limits(), service::tissue_models(), {}, false, {}, patient()) {
     if (ready) make_ready();
   }
   void make_ready() {

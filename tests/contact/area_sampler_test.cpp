@@ -17,7 +17,7 @@
 namespace teletact::service {
 namespace {
 
-constexpr Region kRegion{0, 0.03, -0.012, 0.012};
+constexpr Region kRegion{0, 0.03, RangeZ{-0.012, 0.012}};
 constexpr Vector3 kNear{0.01, 0, 0.004};
 
 // U = k d^2.4, k = 50 (1 + bumps sin(x / 10 mm) cos(z / 8 mm)); a guess of it is `guessed` times that.
@@ -27,16 +27,18 @@ struct Written final : TouchedLayer {
   std::function<bool(double x_m)> fails_to_correct = [](double) { return false; };
   double bumps = 0.1, guessed = 1.03, stated = 0.05, touches_from_m = 0;
   bool loses_device = false;
-  mutable Vector3 prepared{1e9, 0, 0};
+  mutable Vector3 corrected_at{1e9, 0, 0};
 
-  SolvePath path() const override { return SolvePath::kGradients; }
-  bool prepare(const Fingertip&, const TouchPose& pose, double, Clock::time_point) override {
-    if (loses_device) throw DeviceError("lost");
-    if (fails_to_correct(pose.position_m[0])) throw std::runtime_error("the device is lost");
-    prepared = pose.position_m;
-    return true;
+  std::optional<TouchJob> wanted(const Fingertip&, const TouchPose& pose, double) override {
+    return TouchJob{stated, 0, JobWait::kFirst, [this, pose](Clock::time_point) {
+                      if (loses_device) throw DeviceError("lost");
+                      if (fails_to_correct(pose.position_m[0]))
+                        throw std::runtime_error("the device is lost");
+                      corrected_at = pose.position_m;
+                      return true;
+                    }};
   }
-  ContactAnswer touch(const Fingertip&, const TouchPose& pose) override {
+  ContactAnswer answer(const Fingertip&, const TouchPose& pose) override {
     const auto [x, d, z] = pose.position_m;
     if (throws(x, z, d)) throw std::out_of_range("here it cannot be touched");
     if (d < touches_from_m) return {};
@@ -45,7 +47,7 @@ struct Written final : TouchedLayer {
                  by_x = bumps / kX * std::cos(x / kX) * std::cos(z / kZ),
                  by_z = -bumps / kZ * std::sin(x / kX) * std::sin(z / kZ),
                  by_xz = -bumps / kX / kZ * std::cos(x / kX) * std::sin(z / kZ);
-    const bool corrected = prepared == pose.position_m;
+    const bool corrected = corrected_at == pose.position_m;
     const double u = 50 * std::pow(d, 2.4) * (corrected ? 1 : guessed);
     ContactAnswer a;
     a.solve.relative_error = corrected ? 1e-3 : stated;
@@ -72,8 +74,8 @@ class Area : public testing::Test {
   double off(const std::vector<LawColumn>& columns, double x, double d, double z) {
     const LawValue value = evaluate(columns, x, d, z);
     EXPECT_TRUE(value.covered) << x << " " << z;
-    model->prepared = {x, d, z};
-    const ContactAnswer truth = model->touch({}, {{x, d, z}});
+    model->corrected_at = {x, d, z};
+    const ContactAnswer truth = model->answer({}, {{x, d, z}});
     return std::hypot(value.by_x_n + truth.force_n[0], value.by_d_n + truth.force_n[1],
                       value.by_z_n + truth.force_n[2]) /
            value.error_n;
@@ -222,7 +224,7 @@ TEST_F(Area, ATipThatIsAboveTheNodesStillHasItsDeeperRows) {
 }
 
 TEST_F(Area, TooWideATissueHasNone) {
-  sample({0, 0.3, 0, 0.3});
+  sample({0, 0.3, RangeZ{0, 0.3}});
   finish();
   EXPECT_TRUE(sampler->columns().empty());
   EXPECT_EQ(sampler->solves(), 0U);

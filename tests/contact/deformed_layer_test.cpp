@@ -43,7 +43,8 @@ TEST(DeformedLayer, OfAPlaneIsTheReferencesUnderTheContactsForces) {
       Fingertip tip;
       tip.friction = friction;
       const TouchPose pose{{0.0272, 0.003, 0}};
-      const ContactAnswer answer = layer->touch(tip, pose);
+      if (const auto job = layer->wanted(tip, pose, 0)) job->work(TouchedLayer::Clock::time_point::max());
+      const ContactAnswer answer = layer->answer(tip, pose);
       const auto deformed = layer->deformed(tip, pose, 0.012, kMany);
       ASSERT_TRUE(deformed);
       ASSERT_GE(deformed->x_m.size(), 20u);

@@ -19,25 +19,24 @@ constexpr double kEndM = 0.06, kNearM = 0.02;
 // U = k d^2.4, k = 50 (1 + bumps sin(x / wave) cos(turns ln d)).
 struct Written final : TouchedLayer {
   enum class Answer { kGood, kThrows, kNotConverged };
-  std::function<Answer(double x_m, double d_m)> answer = [](double, double) { return Answer::kGood; };
+  std::function<Answer(double x_m, double d_m)> gives = [](double, double) { return Answer::kGood; };
   double bumps = 0.1, wave_m = 0.01, turns = 0, node_m = 0;
   std::array<double, 2> spacing_m(double) const override { return {node_m, 0}; }
-  SolvePath path() const override { return SolvePath::kCompliance; }
-  ContactAnswer touch(const Fingertip&, const TouchPose& pose) override {
+  ContactAnswer answer(const Fingertip&, const TouchPose& pose) override {
     const double x = pose.position_m[0], d = pose.position_m[1];
-    if (answer(x, d) == Answer::kThrows) throw std::out_of_range("here it cannot be touched");
+    if (gives(x, d) == Answer::kThrows) throw std::out_of_range("here it cannot be touched");
     const double along = bumps * std::sin(x / wave_m), by_along = bumps / wave_m * std::cos(x / wave_m);
     const double turn = std::cos(turns * std::log(d)), by_turn = -turns * std::sin(turns * std::log(d));
     const double u = 50 * std::pow(d, 2.4), k = 1 + along * turn;
     ContactAnswer a;
-    a.solve.converged = answer(x, d) == Answer::kGood;
+    a.solve.converged = gives(x, d) == Answer::kGood;
     a.energy_j = u * k;
     a.force_n = {-u * by_along * turn, -u / d * (2.4 * k + along * by_turn), 0};
     a.tangent_n_m[1] = -u / d * by_along * (2.4 * turn + by_turn);
     return a;
   }
   double force_n(double x, double d) {
-    const ContactAnswer a = touch({}, {{x, d, 0}});
+    const ContactAnswer a = answer({}, {{x, d, 0}});
     return std::hypot(a.force_n[0], a.force_n[1]);
   }
 };
@@ -58,7 +57,7 @@ TEST(LawSampler, StatesLittleWhereLittleIsWrong) {
     for (const double d : {2e-4, 1e-3, 7e-3}) {
       const LawValue value = evaluate(columns, x, d);
       ASSERT_TRUE(value.covered && !value.beyond);
-      const ContactAnswer exact = sampled.model->touch({}, {{x, d, 0}});
+      const ContactAnswer exact = sampled.model->answer({}, {{x, d, 0}});
       const double off_n = std::hypot(value.by_x_n + exact.force_n[0], value.by_d_n + exact.force_n[1]);
       EXPECT_LE(off_n, value.error_n);
       EXPECT_LE(value.error_n, 2 * (0.005 * sampled.model->force_n(x, d) + 1e-3));
@@ -72,7 +71,7 @@ TEST(LawSampler, EndsAboveWhatTheModelCannotAnswerBetweenColumns) {
   const auto right = std::find_if(clean.begin(), clean.end(), [](const auto& c) { return c.x_m > 0.035; });
   const double begin_m = (right - 1)->x_m, end_m = right->x_m;
   for (const auto failure : {Written::Answer::kThrows, Written::Answer::kNotConverged}) {
-    sampled.model->answer = [=](double x, double d) {
+    sampled.model->gives = [=](double x, double d) {
       return x > begin_m + 1e-4 && x < end_m - 1e-4 && d > 3e-3 && d < 7.9e-3 ? failure
                                                                               : Written::Answer::kGood;
     };
@@ -90,7 +89,7 @@ TEST(LawSampler, ClaimsNothingWhereNothingCouldBeTried) {
   const auto clean = sampled.columns();
   const auto right = std::find_if(clean.begin(), clean.end(), [](const auto& c) { return c.x_m > 0.035; });
   const double begin_m = (right - 1)->x_m, end_m = right->x_m;
-  sampled.model->answer = [=](double x, double) {
+  sampled.model->gives = [=](double x, double) {
     return x > begin_m + 1e-4 && x < end_m - 1e-4 ? Written::Answer::kThrows : Written::Answer::kGood;
   };
   const auto columns = sampled.columns();
@@ -103,7 +102,7 @@ TEST(LawSampler, ClaimsNothingWhereNothingCouldBeTried) {
 
 TEST(LawSampler, HasNoLawWhereTheModelNeverAnswers) {
   Sampled sampled;
-  sampled.model->answer = [](double, double) { return Written::Answer::kThrows; };
+  sampled.model->gives = [](double, double) { return Written::Answer::kThrows; };
   EXPECT_TRUE(sampled.columns().empty());
 }
 
@@ -115,7 +114,7 @@ TEST(LawSampler, StatesTheRipplesThatItCannotFollow) {
   std::size_t poses = 0, off = 0;
   for (double x = 1e-4; x < kEndM; x += 1.7e-4) {
     const LawValue value = evaluate(columns, x, 3e-3);
-    const ContactAnswer exact = sampled.model->touch({}, {{x, 3e-3, 0}});
+    const ContactAnswer exact = sampled.model->answer({}, {{x, 3e-3, 0}});
     off += std::hypot(value.by_x_n + exact.force_n[0], value.by_d_n + exact.force_n[1]) > value.error_n;
     ++poses;
   }
@@ -134,7 +133,7 @@ TEST(LawSampler, FollowsNoRippleOfTheMeshThatIsWithinTheTolerance) {
   for (const double d : {5e-4, 1e-3, 2e-3, 3e-3, 4e-3})  // deeper this ripple is more than the tolerance
     for (double x = 1e-4; x < kEndM; x += 1.7e-4) {
       const LawValue value = evaluate(columns, x, d);
-      const ContactAnswer exact = sampled.model->touch({}, {{x, d, 0}});
+      const ContactAnswer exact = sampled.model->answer({}, {{x, d, 0}});
       EXPECT_LE(std::hypot(value.by_x_n + exact.force_n[0], value.by_d_n + exact.force_n[1]),
                 0.005 * sampled.model->force_n(x, d) + 1e-3);
     }

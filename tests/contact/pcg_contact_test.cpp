@@ -84,9 +84,9 @@ Worst worst_error(std::size_t rows, double nu, double contrast, std::size_t line
   return worst;
 }
 
-class ByPcg : public testing::TestWithParam<SolvePrecision> {};
+class ByGradients : public testing::TestWithParam<SolvePrecision> {};
 
-TEST_P(ByPcg, ForceEqualsReferenceWithinWhatItStates) {
+TEST_P(ByGradients, ForceEqualsReferenceWithinWhatItStates) {
   if (GetParam() == SolvePrecision::kDouble && !device()->info().has_double)
     GTEST_SKIP() << "device without double";
   Worst worst;
@@ -103,7 +103,7 @@ TEST_P(ByPcg, ForceEqualsReferenceWithinWhatItStates) {
          worst.over_stated);
 }
 
-INSTANTIATE_TEST_SUITE_P(Contact, ByPcg,
+INSTANTIATE_TEST_SUITE_P(Contact, ByGradients,
                          testing::Values(SolvePrecision::kFloat, SolvePrecision::kDouble,
                                          SolvePrecision::kRefined),
                          [](const auto& instance) {

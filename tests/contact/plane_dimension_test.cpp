@@ -43,7 +43,7 @@ ContactAnswer in_plane(const Contrast& contrast, double indentation_m, const Mes
   TissueModelOptions options;
   options.touch_begin_m = 0.012, options.touch_end_m = 0.052;
   const PlaneTouchModel plane(std::make_shared<TissueModel>(grid, material, Supports{}, options));
-  return plane.layer({}, {.path = SolvePath::kCompliance}, {})->touch(tip, {{x_m, indentation_m, 0}, {}, 0});
+  return plane.layer({}, {.path = SolvePath::kCompliance}, {})->answer(tip, {{x_m, indentation_m, 0}, {}, 0});
 }
 
 double homogeneous(double, double, double) {
@@ -174,7 +174,7 @@ TEST(PlaneDimension, IsNotKnownOfOtherTissue) {
     EXPECT_EQ(plane.plan().find("not known") == std::string::npos, known) << plane.plan();
     if (supports.top == kFixed) return 1.0;  // its surface cannot be touched
     return plane.layer({}, {.path = SolvePath::kCompliance}, {})
-        ->touch(kTip, {{width_m / 2, 0.002, 0}, {}, 0})
+        ->answer(kTip, {{width_m / 2, 0.002, 0}, {}, 0})
         .budget.half_width();
   };
   EXPECT_LT(half_width(0.160, {}, true), 0.5);

@@ -53,7 +53,7 @@ class Plane : public testing::Test {
   ImagingPlane plane{devices,
                      scenes,
                      std::make_shared<MemoryBudget>(limits),
-                     plane_models(),
+                     tissue_models(),
                      [](std::size_t) { return Device::open(); },
                      [this](bool) { ++told; }};
   ImagingLane& lane = plane.lanes().front();

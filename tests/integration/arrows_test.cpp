@@ -155,7 +155,7 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
 
 // What makes plane models, and what says where tissue is held, may know the tissue.
 TEST(Arrows, ScenePlanesAndRpcSeeModelsThroughTheSeamAlone) {
-  const std::set<std::string> makers{"service/scene/plane_models.cpp", "service/scene/window_tissue.h",
+  const std::set<std::string> makers{"service/scene/tissue_models.cpp", "service/scene/window_tissue.h",
                                      "service/scene/window_tissue.cpp", "service/scene/solid_block.h",
                                      "service/scene/solid_block.cpp"};
   std::size_t through = 0;

@@ -200,8 +200,8 @@ Place in_plane() {
   service::SceneGeometry geometry;
   geometry.width_m = kWidthM, geometry.depth_m = kDepthM;
   const auto layer =
-      service::plane_models()->of_modulus(geometry, tissue(), {})->layer(service::Layer{}, {}, {});
-  return {"s", 0.03, 0.09, 0.02, 0.005, 1e-3, 5, [layer](const auto& at) { return layer->touch({}, {at}); }};
+      service::tissue_models()->of_modulus(geometry, tissue(), {})->layer(service::Layer{}, {}, {});
+  return {"s", 0.03, 0.09, 0.02, 0.005, 1e-3, 5, [layer](const auto& at) { return layer->answer({}, {at}); }};
 }
 
 // Within 2 % + 2 mN of the converged force on the whole block, its layered part exact.

@@ -52,7 +52,7 @@ client::Vector3 closed_form_n() {
   const service::HalfSpace half_space(10e3, 0.49, {}, {});
   const auto surface = half_space.layer(service::tilted_surface(), {}, {});
   const service::ContactAnswer answer =
-      surface->touch({}, {service::on_tilted_surface(kX, kZ, kIndentationM)});
+      surface->answer({}, {service::on_tilted_surface(kX, kZ, kIndentationM)});
   return client::Vector3::Map(answer.force_n.data());
 }
 

@@ -23,7 +23,7 @@ namespace {
 struct Watched {
   explicit Watched(const Limits& limits = {}, bool ready = true,
                    const std::vector<DeviceOptions>& devices = {})
-      : server("", "", limits, plane_models(), devices), admin("127.0.0.1:0", server->core()) {
+      : server("", "", limits, tissue_models(), devices), admin("127.0.0.1:0", server->core()) {
     if (ready) server->make_ready();
   }
   std::string get(const std::string& target) const {

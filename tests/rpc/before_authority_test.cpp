@@ -46,7 +46,7 @@ bool ends(Http2Peer& peer) {
 class BeforeAuthority : public testing::Test {
  protected:
   explicit BeforeAuthority(const Limits& limits = {}, const ConnectionLimits& connections = {})
-      : server("127.0.0.1:0", "", limits, plane_models(), {}, false, {}, connections) {
+      : server("127.0.0.1:0", "", limits, tissue_models(), {}, false, {}, connections) {
     server->make_ready();
     EXPECT_TRUE(server.create(uniform_scene("s")).ok());
   }

@@ -62,7 +62,7 @@ class TwoDevices : public testing::Test {
     EXPECT_TRUE(v1::Info::NewStub(server.channel())->GetInfo(&context, {}, &info).ok());
     return info;
   }
-  RunningServer server{"", "", {}, plane_models(), two_devices()};
+  RunningServer server{"", "", {}, tissue_models(), two_devices()};
 };
 
 TEST_F(TwoDevices, ScenesAreImagedOnDevicesOfTheirOwnWithBudgetsOfTheirOwn) {
@@ -182,7 +182,7 @@ TEST(Devices, ScenesOutliveThemOnOthers) {
   ASSERT_NE(mkdtemp(state), nullptr);
   std::uint64_t version = 0;
   for (const auto& devices : {two_devices(), {}, two_devices()}) {
-    RunningServer server("", state, {}, plane_models(), devices);
+    RunningServer server("", state, {}, tissue_models(), devices);
     server->make_ready();
     for (const char* id : {"a", "b"}) {
       if (version == 0) {

@@ -37,7 +37,7 @@ class Moving : public testing::Test {
   }
   ~Moving() override { fs::remove_all(state); }
   const fs::path state = fs::temp_directory_path() / ("teletact-rpc-moving-" + std::to_string(getpid()));
-  RunningServer server{"", state, {}, plane_models(), {}, true};
+  RunningServer server{"", state, {}, tissue_models(), {}, true};
   v1::Scene scene;
 };
 
@@ -81,7 +81,7 @@ TEST_F(Moving, HandsAreServedWhileWhoStoodByTakesOver) {
   v1::EstimateResponse progress;
   ASSERT_TRUE(estimate.read(&progress));
 
-  RunningServer successor("", state, {}, plane_models(), {}, true);
+  RunningServer successor("", state, {}, tissue_models(), {}, true);
   auto ready = std::async(std::launch::async, [&] { successor->make_ready(); });
   EXPECT_EQ(ready.wait_for(std::chrono::milliseconds(200)), std::future_status::timeout);
   EXPECT_EQ(list(successor).error_code(), StatusCode::UNAVAILABLE);

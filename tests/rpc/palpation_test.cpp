@@ -83,7 +83,7 @@ TEST_F(Palpation, ForceIsTheWorkThatThePoseDoes) {
   EXPECT_NEAR(middle.force_n(1), -slope, 1e-3 * std::abs(slope));
 }
 
-TEST_F(Palpation, PcgGivesTheSameForceByRequest) {
+TEST_F(Palpation, GradientsGiveTheSameForceByRequest) {
   v1::TouchOpen open = Toucher::open_on("s");
   open.set_path(v1::SOLVE_PATH_GRADIENTS);
   Toucher by_gradients(server->channel(), open), by_compliance(channel, "s");

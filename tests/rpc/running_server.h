@@ -55,7 +55,7 @@ class RunningServer {
  public:
   explicit RunningServer(const std::string& listen = "", const std::filesystem::path& state = "",
                          const Limits& limits = {},
-                         std::shared_ptr<const TouchModels> models = plane_models(),
+                         std::shared_ptr<const TouchModels> models = tissue_models(),
                          const std::vector<DeviceOptions>& devices = {}, bool standby = false,
                          const SlowTimes& slow = {}, const ConnectionLimits& connections = {}) {
     static int count = 0;
@@ -177,7 +177,7 @@ class OnOneServer : public testing::Test {
  protected:
   static void SetUpTestSuite() { serve(); }
   static void TearDownTestSuite() { server.reset(); }
-  static void serve(const Limits& limits = {}, std::shared_ptr<const TouchModels> models = plane_models()) {
+  static void serve(const Limits& limits = {}, std::shared_ptr<const TouchModels> models = tissue_models()) {
     server = std::make_unique<RunningServer>("", "", limits, std::move(models));
     (*server)->make_ready();
     ASSERT_TRUE(server->create(uniform_scene("s")).ok());

@@ -61,7 +61,7 @@ TEST(Address, MalformedOnesAreRefused) {
 // Or a start would say "23 of 151" of another number.
 TEST(Server, SaysHowManyStepsCompilingTakes) {
   const std::size_t before = compile_steps();
-  RunningServer server("", "", {}, plane_models(), {DeviceOptions{}});
+  RunningServer server("", "", {}, tissue_models(), {DeviceOptions{}});
   server->make_ready();
   if (!server->core().devices.front()->info().has_double) GTEST_SKIP() << "fewer without double precision";
   EXPECT_NEAR(static_cast<double>(compile_steps() - before), Server::kCompileSteps, 8);

@@ -30,7 +30,7 @@ class SlowCalls : public testing::Test {
   }
   // All of what takes longer is told.
   void serve(milliseconds call, milliseconds answer) {
-    server.emplace("", "", Limits{}, plane_models(), std::vector<DeviceOptions>{}, false,
+    server.emplace("", "", Limits{}, tissue_models(), std::vector<DeviceOptions>{}, false,
                    SlowTimes{call, answer, milliseconds(0)});
     (*server)->make_ready();
   }

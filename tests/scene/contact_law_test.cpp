@@ -59,7 +59,7 @@ Measured measure(const Case& c) {
   Measured measured;
   for (int k = 0; k < 2000; ++k) {
     const double x = x_m(random), d = std::exp(log_d(random));
-    const ContactAnswer exact = touched->touch(c.tip, at_indentation(layer, {{x, 0, 0}}, d));
+    const ContactAnswer exact = touched->answer(c.tip, at_indentation(layer, {{x, 0, 0}}, d));
     const LawValue value = evaluate(law->columns, x, d);
     EXPECT_TRUE(value.covered && !value.beyond) << c.name << " at " << x << ", " << d;
     const double off_n = std::hypot(value.by_x_n + exact.force_n[0], value.by_d_n + exact.force_n[1]);

@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-#include "service/contact/planned_layer.h"
+#include "service/contact/solid_layer.h"
 #include "service/device/fault.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/stacks.h"
@@ -53,7 +53,7 @@ class FaultyDevice : public FaultyKernels {
     for (std::size_t n = 0; n < kElements * kElements * kElements; ++n)
       e.youngs_modulus_pa.push_back(n % kElements < kElements / 2 ? 1e4 : hard_pa);
     return std::make_shared<Scene>("s", tissue(0.048, 0.03), e, versions(), Limits{}, MemoryAccount{},
-                                   plane_models());
+                                   tissue_models());
   }
   // Whatever answers until its correction has failed (on a machine that never ran them its kernels are
   // compiled first, for seconds) is DEGRADED.
@@ -152,7 +152,7 @@ TEST_F(FaultyDevice, HoweverSlowItIsSharesInTheNodesPlaceAreDegraded) {
     for (int tries = 0; tries < 20000 && !by_nodes; ++tries) {
       const TouchAnswer answer = finger.solve(at(0));
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
-      by_nodes = answer.status == TouchStatus::kOk && answer.contact.path == SolvePath::kAuto;
+      by_nodes = answer.status == TouchStatus::kOk && answer.contact.path == SolvePath::kGradients;
       const double off = std::abs(answer.contact.force_n[1] / truth - 1);
       if (answer.status == TouchStatus::kOk) {
         EXPECT_LT(off, choices::kTrustedMeanwhile) << answer.warning;

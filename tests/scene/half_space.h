@@ -49,12 +49,11 @@ class HalfSpace final : public TouchModel {
   class Surface final : public TouchedLayer {
    public:
     Surface(double modulus_pa, const HalfSpaceFaults& faults) : modulus_pa_(modulus_pa), faults_(faults) {}
-    SolvePath path() const override { return SolvePath::kCompliance; }
-    bool prepare(const Fingertip&, const TouchPose&, double around_m, Clock::time_point) override {
+    std::optional<TouchJob> wanted(const Fingertip&, const TouchPose&, double around_m) override {
       if (around_m > 0) faults_.ahead();
-      return true;
+      return std::nullopt;
     }
-    ContactAnswer touch(const Fingertip& tip, const TouchPose& pose) override {
+    ContactAnswer answer(const Fingertip& tip, const TouchPose& pose) override {
       if (tip.shape != FingertipShape::kRoundedTip)
         throw std::invalid_argument("fingertip.shape: a half-space is touched by rounded tips alone");
       const Layer surface = tilted_surface();
@@ -65,6 +64,7 @@ class HalfSpace final : public TouchModel {
       if (d <= 0) return answer;
       const double stiffness = modulus_pa_ * std::sqrt(tip.radius_m * d);  // half of dF/dd
       answer.state = ContactState::kContact;
+      answer.path = SolvePath::kCompliance;
       answer.energy_j = 8.0 / 15 * stiffness * d * d;
       for (std::size_t i = 0; i < 3; ++i) {
         answer.force_n[i] = -4.0 / 3 * stiffness * d * surface.normal[i];

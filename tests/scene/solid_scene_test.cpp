@@ -152,13 +152,13 @@ TEST(SolidScene, TwoFingersAtOnceEachFeelTheirOwn) {
 TEST(SolidScene, EndsWhereItsModulusDoes) {
   const auto scene = scene_of(with_ball());
   const Region region = scene->snapshot()->windows.front()->region;
-  EXPECT_DOUBLE_EQ(region.begin_z_m, -0.018);
-  EXPECT_NEAR(region.end_z_m, 0.018, 1e-12);
+  EXPECT_DOUBLE_EQ(region.z->begin_m, -0.018);
+  EXPECT_NEAR(region.z->end_m, 0.018, 1e-12);
   TouchSession session(scene, {}, test_device());
   const TouchAnswer beside = touched(session, 0.02, 0.001, 0.019);
   EXPECT_EQ(beside.status, TouchStatus::kNotCovered);
   EXPECT_NE(beside.warning.find("beside the tissue"), std::string::npos) << beside.warning;
-  EXPECT_DOUBLE_EQ(touched(session, 0.02, 0.001, 0.0).covered.begin_z_m, -0.018);
+  EXPECT_DOUBLE_EQ(touched(session, 0.02, 0.001, 0.0).covered.z->begin_m, -0.018);
   EXPECT_EQ(beside.contact.force_n, (Vector3{}));
   EXPECT_EQ(touched(session, 0.02, 0.001, 0.017).status, TouchStatus::kOk) << "others go on";
 }
@@ -311,7 +311,7 @@ TEST(SolidScene, NearlyIncompressibleTissueIsDegraded) {
   SceneGeometry g = tissue(kWidthM, kDepthM);
   g.poisson_ratio = 0.4999;
   const auto scene =
-      std::make_shared<Scene>("s", g, with_ball(), versions(), Limits{}, MemoryAccount{}, plane_models());
+      std::make_shared<Scene>("s", g, with_ball(), versions(), Limits{}, MemoryAccount{}, tissue_models());
   TouchSession session(scene, {}, test_device());
   const TouchAnswer answer = touched(session, kBallX, 0.002, kBallZ);
   EXPECT_EQ(answer.status, TouchStatus::kDegraded) << answer.warning;
@@ -332,8 +332,8 @@ TEST(SolidScene, IsTheSameAfterARestart) {
   EXPECT_EQ(again.explicit_modulus->z_m, record.explicit_modulus->z_m);
   EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa, record.explicit_modulus->youngs_modulus_pa);
   record.windows.push_back({1, 3, 0, kWidthM, nullptr});
-  const Scene restored(record, versions(), Limits{}, MemoryAccount{}, plane_models());
-  EXPECT_DOUBLE_EQ(restored.snapshot()->windows.front()->region.begin_z_m, -0.018);
+  const Scene restored(record, versions(), Limits{}, MemoryAccount{}, tissue_models());
+  EXPECT_DOUBLE_EQ(restored.snapshot()->windows.front()->region.z->begin_m, -0.018);
 }
 
 }  // namespace

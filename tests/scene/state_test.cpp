@@ -321,7 +321,7 @@ TEST_F(StateOnDisk, WhoStandsByHasTheFolderOnceItIsLetGo) {
   Scenes first(directory);
   const auto scene = create_scene(first, "s", tissue(0.12, 0.03), std::nullopt);
   publish(first, "s", 0.03, 10e3);
-  Scenes second(directory, {}, machine_files(), nullptr, plane_models(), true);
+  Scenes second(directory, {}, machine_files(), nullptr, tissue_models(), true);
   auto restored = std::async(std::launch::async, [&] { second.restore(); });
   EXPECT_EQ(restored.wait_for(std::chrono::milliseconds(100)), std::future_status::timeout);
   first.let_go();
@@ -338,7 +338,7 @@ TEST_F(StateOnDisk, WhoStandsByHasTheFolderOnceItIsLetGo) {
     EXPECT_EQ(error.kind, ErrorKind::kUnavailable);
   }
   EXPECT_FALSE(scene->deleted());
-  EXPECT_THROW(Scenes({}, {}, machine_files(), nullptr, plane_models(), true), std::runtime_error);
+  EXPECT_THROW(Scenes({}, {}, machine_files(), nullptr, tissue_models(), true), std::runtime_error);
 }
 
 TEST(Scenes, IdsAndLimitsAreChecked) {

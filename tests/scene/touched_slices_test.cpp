@@ -260,7 +260,7 @@ TEST(TouchedSlices, APressedFingerFeelsWholeVersions) {
     TouchWay way;
     way.device = test_device();
     const auto layer = window->model->layer(Layer{}, way, {});
-    alone[version] = -layer->touch({}, {pose}).force_n[1];
+    alone[version] = -layer->answer({}, {pose}).force_n[1];
   }
   double least = HUGE_VAL, most = 0;
   for (const auto& [version, force] : alone) least = std::min(least, force), most = std::max(most, force);
@@ -288,12 +288,14 @@ TEST(TouchedSlices, WhatAnAnswerStatesCoversRightAfterOne) {
   const TouchPose pose{{kBallX, 0.002, kBallZ}};
   const auto layer = [&] { return scene->snapshot()->windows.front()->model->layer(Layer{}, way, {}); };
   const auto settled = [&](TouchedLayer& touched) {
-    EXPECT_TRUE(touched.prepare({}, pose, 0, TouchedLayer::Clock::now() + std::chrono::seconds(20)));
-    return touched.touch({}, pose);
+    if (const auto job = touched.wanted({}, pose, 0)) {
+      EXPECT_TRUE(job->work(TouchedLayer::Clock::now() + std::chrono::seconds(20)));
+    }
+    return touched.answer({}, pose);
   };
   const double before = -settled(*layer()).force_n[1];
   scene->publish(slice_at(kBallZ));
-  const ContactAnswer first = layer()->touch({}, pose), answer = settled(*layer());
+  const ContactAnswer first = layer()->answer({}, pose), answer = settled(*layer());
   const auto fresh = scene_of(*scene->snapshot()->modulus)->snapshot()->windows.front()->model;
   const double truth = -settled(*fresh->layer(Layer{}, way, {})).force_n[1];
   EXPECT_FALSE(first.solve.converged);

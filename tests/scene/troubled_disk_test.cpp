@@ -142,7 +142,7 @@ TEST(KeepingState, WhoTookOverAFullDiskPublishesOnceThereIsRoom) {
     create_scene(first, "a", tissue(0.09, 0.02), std::nullopt);
   }
   disk->fills_up = true;
-  Scenes second(kState, {}, disk, nullptr, plane_models(), true);
+  Scenes second(kState, {}, disk, nullptr, tissue_models(), true);
   second.restore();
   const auto publish = [&] {
     publish_into(second, second.find("a"), window_of(homogeneous(10e3), 0.03, 0.03, 0.02));

@@ -51,7 +51,7 @@ inline SceneGeometry tissue(double width_m, double depth_m) {
 
 // What a window of a plane scene is made of.
 inline const TissueModel& tissue_of(const WindowModel& window) {
-  return dynamic_cast<const PlaneTouchModel&>(*window.model).tissue();
+  return *window.model->made_of().plane;
 }
 
 inline std::shared_ptr<VersionCounter> versions() {

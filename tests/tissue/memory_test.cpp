@@ -60,7 +60,7 @@ std::vector<std::size_t> around(std::size_t column) {
 }
 
 // Positions all along several rows: far more columns than there is room for.
-TEST(ModelMemory, ColumnsByPcgStayWithinTheBudgetAndTheirNumbersAreRight) {
+TEST(ModelMemory, ColumnsByGradientsStayWithinTheBudgetAndTheirNumbersAreRight) {
   const std::uint64_t column = 12 * wide_grid().dofs(),
                       columns_bytes = 24 * column + 6 * kSolvingBytes;  // while six are solved
   const Budget unbounded(std::uint64_t{1} << 40, std::uint64_t{1} << 40);

@@ -218,7 +218,7 @@ TEST_F(Outbox, WaitsForALawThatIsBeingSampled) {
 TEST_F(Outbox, SendsALaneAtATimeAndAgainWhatWasCorrected) {
   auto window = std::make_shared<WindowModel>();
   window->id = 1, window->version = 5;
-  window->region = {0, 0.03, -0.01, 0.0101};
+  window->region = {0, 0.03, RangeZ{-0.01, 0.0101}};
   snapshot.windows = {window};
   ContactLaw law{{}, false};
   for (const double z_m : {-0.01, 0.0, 0.01})
@@ -272,7 +272,7 @@ TEST_F(Outbox, SendsALaneAtATimeAndAgainWhatWasCorrected) {
 TEST_F(Outbox, WhereAColumnIsMissingNoPieceReachesAcross) {
   auto window = std::make_shared<WindowModel>();
   window->id = 1, window->version = 5;
-  window->region = {0, 0.03, 0, 0.01};
+  window->region = {0, 0.03, RangeZ{0, 0.01}};
   snapshot.windows = {window};
   ContactLaw law{{}, true};
   for (int i = 0; i <= 6; ++i) {

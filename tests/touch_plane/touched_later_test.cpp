@@ -1,9 +1,11 @@
 // What a touch asks for and must not wait for: layers made ready elsewhere.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <deque>
 #include <thread>
 
+#include "service/base/choices.h"
 #include "service/device/device.h"
 #include "service/device/fault.h"
 #include "service/scene/scenes.h"
@@ -106,7 +108,7 @@ TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLayersInUse) {
   EXPECT_GT(after.model_version, before.model_version);
 }
 
-TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
+TEST_F(TouchedLater, ByGradientsTheModelBeforeAnswersUntilTheNewOneIsReady) {
   TouchOptions options;
   options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());
@@ -122,7 +124,24 @@ TEST_F(TouchedLater, ByPcgTheModelBeforeAnswersUntilTheNewOneIsReady) {
   EXPECT_GT(session.solve({0.045, -0.001}).model_version, before.model_version);
 }
 
-TEST_F(TouchedLater, ByPcgADeviceThatFailsWhileALayerIsMadeIsSaid) {
+TEST_F(TouchedLater, ByGradientsALayerSaysThatItKnowsNothingAndWhatItWants) {
+  const TouchWay way{.path = SolvePath::kGradients, .device = Device::open()};
+  const auto layer = scene->snapshot()->windows[0]->model->layer({}, way, {});
+  const TouchPose pressed{{0.045, 0.002, 0}};
+  EXPECT_FALSE(layer->wanted({}, {{0.045, -0.001, 0}}, 0)) << "above";
+  const ContactAnswer nothing = layer->answer({}, pressed);
+  EXPECT_TRUE(std::isinf(nothing.solve.relative_error) && !nothing.solve.converged);
+  const auto job = layer->wanted({}, pressed, 0);
+  ASSERT_TRUE(job);
+  EXPECT_EQ(job->wait, JobWait::kFirst);
+  EXPECT_FALSE(job->work(TouchedLayer::Clock::now())) << "no time for a step";
+  EXPECT_TRUE(job->work(TouchedLayer::Clock::time_point::max()));
+  EXPECT_FALSE(layer->wanted({}, pressed, 0));
+  EXPECT_LT(layer->answer({}, pressed).force_n[1], 0);
+  EXPECT_TRUE(layer->wanted({}, pressed, choices::kWidestReach)) << "what it may touch next";
+}
+
+TEST_F(TouchedLater, ByGradientsADeviceThatFailsWhileALayerIsMadeIsSaid) {
   TouchOptions options;
   options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());

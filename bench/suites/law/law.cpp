@@ -129,7 +129,7 @@ Errors judge_poses(const LawCase& c, service::TouchedLayer& touched, const std::
                            : std::exp(uniform(std::log(kLightestM), std::log(c.deepest_m)));
     service::ContactAnswer exact;
     try {
-      exact = touched.touch(c.tip, service::at_indentation(c.layer, {{x, 0, 0}}, d));
+      exact = touched.answer(c.tip, service::at_indentation(c.layer, {{x, 0, 0}}, d));
     } catch (const std::exception&) {  // the model's limits
       continue;
     }
@@ -156,7 +156,7 @@ std::size_t dropped_sweeps(const LawCase& c, service::TouchedLayer& touched,
     int in_a_row = 0;
     for (double x = c.region.begin_x_m; x <= c.region.end_x_m && in_a_row < 4; x += kStepM) try {
         const ContactError error(evaluate(columns, x, d),
-                                 touched.touch(c.tip, service::at_indentation(c.layer, {{x, 0, 0}}, d)));
+                                 touched.answer(c.tip, service::at_indentation(c.layer, {{x, 0, 0}}, d)));
         in_a_row = error.off_n > error.stated_n ? in_a_row + 1 : 0;
       } catch (const std::exception&) {  // the model's limits
         in_a_row = 0;

@@ -29,7 +29,7 @@ std::shared_ptr<service::TouchedLayer> surface_of(const reference::TouchedTissue
   geometry.poisson_ratio = tissue.material.poisson_ratio;
   geometry.thickness_m = tissue.thickness_m;
   const service::ExplicitModulus modulus{tissue.grid.x_m, tissue.grid.y_m, tissue.material.youngs_modulus_pa};
-  return service::plane_models()->of_modulus(geometry, modulus, {})->layer(service::Layer{}, {}, {});
+  return service::tissue_models()->of_modulus(geometry, modulus, {})->layer(service::Layer{}, {}, {});
 }
 
 struct Ticks {
@@ -99,7 +99,7 @@ Felt felt_in(const std::string& recording, const reference::TouchedTissue& tissu
       continue;
     if (begin_s == 0) begin_s = time_s;
     end_s = time_s;
-    const auto exact = surface->touch({}, {{tick.position_m(0), tick.position_m(1), 0}});
+    const auto exact = surface->answer({}, {{tick.position_m(0), tick.position_m(1), 0}});
     const Vector3& exact_n = ticks.exact_n.emplace_back(Vector3::Map(exact.force_n.data()));
     const Vector3& felt_n = ticks.felt_n.emplace_back(tick.force_n(0), tick.force_n(1), tick.force_n(2));
     const double off_n = (felt_n - exact_n).norm(), size_n = exact_n.norm();

@@ -132,10 +132,11 @@ OfBall measure_ball(const std::shared_ptr<service::Device>& device, double ball_
   service::TouchWay way;
   way.device = device;
   way.path = service::SolvePath::kGradients;
+  way.law = true;
   const auto layer = model.layer({}, way, {});
   OfBall ball{ball_m, block.tissue.grid.elements()};
   // The finger rests in the middle.
-  service::AreaSampler sampler(layer->apart(), {}, {}, block.region, {kWidthM / 2, 0, kWidthM / 2});
+  service::AreaSampler sampler(layer, {}, {}, block.region, {kWidthM / 2, 0, kWidthM / 2});
   const auto begin = Clock::now();
   while (!sampler.guessed()) sampler.advance(Clock::now());
   const double guessed_s = seconds_since(begin);

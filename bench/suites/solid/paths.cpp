@@ -139,7 +139,7 @@ std::vector<Answered> felt(const std::shared_ptr<service::Device>& device,
       const Vector3 at = place(way_number, time_s);
       const service::TouchAnswer answer = session->solve(at);
       out.push_back({time_s, at, answer.contact});  // FAILED: no force, and none stated
-      way.closed += answer.contact.path != service::SolvePath::kAuto;
+      way.closed += answer.contact.path == service::SolvePath::kShares;
       way.failed += answer.contact.state != service::ContactState::kContact;
       session->look_ahead();
       due_s =

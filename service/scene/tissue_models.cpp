@@ -17,7 +17,7 @@ std::size_t row_of(const TissueModel& tissue, const Layer& layer) {
   return static_cast<std::size_t>(std::find(y_m.begin(), y_m.end(), layer.depth_m) - y_m.begin());
 }
 
-class PlaneModels final : public TouchModels {
+class TissueModels final : public TouchModels {
  public:
   std::vector<Layer> layers(const SceneGeometry& geometry) const override {
     return free_layers(window_rows_m(geometry), geometry.supports);
@@ -30,8 +30,7 @@ class PlaneModels final : public TouchModels {
     options.account = wanted.account;
     options.interior_layers = std::any_of(wanted.in_use.begin(), wanted.in_use.end(),
                                           [](const Layer& layer) { return layer.depth_m > 0; });
-    const auto* same_kind = dynamic_cast<const PlaneTouchModel*>(wanted.before);
-    const TissueModel* before = same_kind ? &same_kind->tissue() : nullptr;
+    const TissueModel* before = wanted.before ? wanted.before->made_of().plane.get() : nullptr;
     auto tissue = build_window_tissue(wanted.geometry, wanted.map, wanted.region.begin_x_m,
                                       wanted.region.end_x_m, options, before);
     for (const Layer& layer : wanted.in_use) try {
@@ -61,15 +60,9 @@ class PlaneModels final : public TouchModels {
   std::shared_ptr<const TouchModel> of_slice(const SceneGeometry& geometry, const ExplicitModulus& e,
                                              std::optional<std::size_t> slice, const TouchModel& before,
                                              const MemoryAccount& account) const override {
-    const auto* solid = dynamic_cast<const SolidTouchModel*>(&before);
+    const std::shared_ptr<SolidState>& solid = before.made_of().solid;
     if (!solid) return of_modulus(geometry, e, account);
-    return std::make_shared<const SolidTouchModel>(solid_block(solid->block(), e, slice), account, solid);
-  }
-
-  std::shared_ptr<const TouchModel> renewed(const TouchModel& model,
-                                            const MemoryAccount& account) const override {
-    const auto* solid = dynamic_cast<const SolidTouchModel*>(&model);
-    return solid && solid->drift() > choices::kMaxDrift ? solid->renewed(account) : nullptr;
+    return std::make_shared<const SolidTouchModel>(solid_block(solid->block, e, slice), account, solid);
   }
 
   void warm(const std::shared_ptr<Device>& device) const override { warm_iterative(device); }
@@ -77,8 +70,8 @@ class PlaneModels final : public TouchModels {
 
 }  // namespace
 
-std::shared_ptr<const TouchModels> plane_models() {
-  static const auto models = std::make_shared<const PlaneModels>();
+std::shared_ptr<const TouchModels> tissue_models() {
+  static const auto models = std::make_shared<const TissueModels>();
   return models;
 }
 

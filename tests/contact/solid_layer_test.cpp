@@ -1,5 +1,5 @@
 // The surface of solid tissue as one finger touches it: which model answers, and what that takes.
-#include "service/contact/planned_layer.h"
+#include "service/contact/solid_layer.h"
 
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ SolidTouchModel model(double contrast, double deviation = 0) {
   block.tissue = solid(grid, 0.49, [=](double x, double y, double z) {
     return 1e4 * (std::hypot(x - 0.032, y - 0.007, z - 0.032) < 0.004 ? contrast : 1);
   });
-  block.region = {0, 0.064, 0, 0.064};
+  block.region = {0, 0.064, RangeZ{0, 0.064}};
   block.log_deviation = deviation;
   return {std::move(block), MemoryAccount{}};
 }
@@ -42,28 +42,31 @@ TouchWay way(std::optional<Tolerance> tolerance = {}, SolvePath path = SolvePath
 }
 
 ContactAnswer touch(TouchedLayer& layer, const TouchPose& pose = kOver) {
-  layer.prepare(kTip, pose, 0, TouchedLayer::Clock::now() + std::chrono::seconds(10));
-  return layer.touch(kTip, pose);
+  layer.answer(kTip, pose);
+  if (const auto job = layer.wanted(kTip, pose, 0))
+    job->work(TouchedLayer::Clock::now() + std::chrono::seconds(10));
+  return layer.answer(kTip, pose);
 }
 
-TEST(PlannedLayer, TakesSharesWhereTheyAreGoodEnough) {
+TEST(SolidLayer, TakesSharesWhereTheyAreGoodEnough) {
   const SolidTouchModel lump = model(4);
   const auto path_at = [&](const Tolerance& tolerance) {
     return touch(*lump.layer({}, way(tolerance), {})).path;
   };
   EXPECT_EQ(path_at({0.5, 0}), SolvePath::kShares);
   EXPECT_EQ(path_at({0.12, 0}), SolvePath::kShares);
-  EXPECT_EQ(path_at({0.0005, 0}), SolvePath::kAuto) << "by the nodes, as all of its layer";
+  EXPECT_EQ(path_at({0.0005, 0}), SolvePath::kGradients) << "by the nodes";
   EXPECT_EQ(path_at({0.0005, 1}), SolvePath::kShares) << "a newton is allowed";
 }
 
-TEST(PlannedLayer, WhereTheModulusIsBadlyKnownLessWillDo) {
+TEST(SolidLayer, WhereTheModulusIsBadlyKnownLessWillDo) {
   EXPECT_EQ(touch(*model(3, 0.2).layer({}, way(), {})).path, SolvePath::kShares);
-  EXPECT_EQ(touch(*model(3, 0.0).layer({}, way(), {})).path, SolvePath::kAuto);
-  EXPECT_EQ(touch(*model(3, 0.2).layer({}, way(Tolerance{}), {})).path, SolvePath::kAuto) << "it was asked";
+  EXPECT_EQ(touch(*model(3, 0.0).layer({}, way(), {})).path, SolvePath::kGradients);
+  EXPECT_EQ(touch(*model(3, 0.2).layer({}, way(Tolerance{}), {})).path, SolvePath::kGradients)
+      << "it was asked";
 }
 
-TEST(PlannedLayer, NoModulusIsSoBadlyKnownThatAnythingWillDo) {
+TEST(SolidLayer, NoModulusIsSoBadlyKnownThatAnythingWillDo) {
   EXPECT_EQ(usual_tolerance(0), Tolerance{});
   EXPECT_EQ(usual_tolerance(0.1).relative, 0.05);
   EXPECT_EQ(usual_tolerance(10).relative, 0.1);
@@ -71,7 +74,7 @@ TEST(PlannedLayer, NoModulusIsSoBadlyKnownThatAnythingWillDo) {
 
 // An answer that was asked for with a tolerance is never one that the tolerance then does not allow, if
 // another is allowed.
-TEST(PlannedLayer, WhatItTakesIsAllowed) {
+TEST(SolidLayer, WhatItTakesIsAllowed) {
   const SolidTouchModel lump = model(4);
   for (double share = 0.02; share < 0.3; share *= 1.15)
     for (const double d : {0.0005, 0.002, 0.004}) {
@@ -85,7 +88,7 @@ TEST(PlannedLayer, WhatItTakesIsAllowed) {
     }
 }
 
-TEST(PlannedLayer, AnswersAreCloseToEachOtherWhateverTheModel) {
+TEST(SolidLayer, AnswersAreCloseToEachOtherWhateverTheModel) {
   const SolidTouchModel lump = model(4);
   const auto layer = lump.layer({}, way(Tolerance{0.12, 0}), {}),
              nodes = lump.layer({}, way({}, SolvePath::kGradients), {});
@@ -93,27 +96,29 @@ TEST(PlannedLayer, AnswersAreCloseToEachOtherWhateverTheModel) {
   ASSERT_EQ(one.path, SolvePath::kShares);
   EXPECT_NEAR(one.force_n[1] / other.force_n[1], 1, one.budget.of_model());
   EXPECT_TRUE(one.pressure.empty());
-  EXPECT_EQ(layer->remark(kTip, {{0.032, 0.0001, 0.032}}), "") << "no mesh";
+  EXPECT_EQ(layer->answer(kTip, {{0.032, 0.0001, 0.032}}).remark, "") << "no mesh";
+  EXPECT_NE(nodes->answer(kTip, {{0.032, 0.0001, 0.032}}).remark, "");
 }
 
-TEST(PlannedLayer, ANameOverrules) {
+TEST(SolidLayer, ANameOverrules) {
   const SolidTouchModel lump = model(30);
   EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1e-4, 0}, SolvePath::kShares), {})).path, SolvePath::kShares);
-  EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1, 1}, SolvePath::kGradients), {})).path, SolvePath::kAuto);
+  EXPECT_EQ(touch(*lump.layer({}, way(Tolerance{1, 1}, SolvePath::kGradients), {})).path,
+            SolvePath::kGradients);
   EXPECT_THROW(lump.layer(lump.layers()[2], way({}, SolvePath::kShares), {}), std::invalid_argument);
 }
 
-TEST(PlannedLayer, PressuresAreTheNodes) {
+TEST(SolidLayer, PressuresAreTheNodes) {
   const SolidTouchModel lump = model(1);
   TouchWay wants = way();
   wants.pressure = true;
   const ContactAnswer answer = touch(*lump.layer({}, wants, {}));
-  EXPECT_EQ(answer.path, SolvePath::kAuto);
+  EXPECT_EQ(answer.path, SolvePath::kGradients);
   EXPECT_FALSE(answer.pressure.empty());
 }
 
 // Nobody waits for what is learned: the nodes answer until then.
-TEST(PlannedLayer, IsAnsweredByTheNodesUntilItHasLearned) {
+TEST(SolidLayer, IsAnsweredByTheNodesUntilItHasLearned) {
   const SolidTouchModel lump = model(1);
   lump.layer({}, way({}, SolvePath::kGradients), {});  // its surface is ready
   std::vector<std::function<void()>> jobs;
@@ -123,7 +128,7 @@ TEST(PlannedLayer, IsAnsweredByTheNodesUntilItHasLearned) {
   EXPECT_NE(lump.plan().find("at the first touch"), std::string::npos);
   const auto layer = lump.layer({}, way(), later);
   ASSERT_TRUE(layer);
-  EXPECT_EQ(touch(*layer).path, SolvePath::kAuto);
+  EXPECT_EQ(touch(*layer).path, SolvePath::kGradients);
   EXPECT_EQ(lump.layer({}, way({}, SolvePath::kShares), later), nullptr) << "by name it waits";
   ASSERT_EQ(jobs.size(), 1u) << "asked for once";
   jobs.front()();
@@ -133,10 +138,10 @@ TEST(PlannedLayer, IsAnsweredByTheNodesUntilItHasLearned) {
 }
 
 // A new modulus in the place of one that shares answer: that answers on until they know the new one.
-TEST(PlannedLayer, IsNotLeftForTheNodesBetweenVersions) {
+TEST(SolidLayer, IsNotLeftForTheNodesBetweenVersions) {
   const SolidTouchModel before = model(1);
   before.layer({}, way(), {});
-  const SolidTouchModel next(before.block(), MemoryAccount{}, &before);
+  const SolidTouchModel next(before.made_of().solid->block, MemoryAccount{}, before.made_of().solid);
   std::vector<std::function<void()>> jobs;
   const TouchWork later = [&](const std::string&, std::function<void()> job) {
     jobs.push_back(std::move(job));
@@ -150,15 +155,15 @@ TEST(PlannedLayer, IsNotLeftForTheNodesBetweenVersions) {
   EXPECT_EQ(touch(*layer).path, SolvePath::kShares);
 }
 
-TEST(PlannedLayer, ThePlanSaysWhereTheNodesAnswer) {
+TEST(SolidLayer, ThePlanSaysWhereTheNodesAnswer) {
   const SolidTouchModel hard = model(30);
   hard.layer({}, way(), {});
   EXPECT_NE(hard.plan().find("shares where they do, else by the nodes"), std::string::npos) << hard.plan();
 }
 
 // Nodes of a hard lump at the surface: a deep tip has no contact there.
-TEST(PlannedLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
-  SolidBlock block = model(1).block();
+TEST(SolidLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
+  SolidBlock block = model(1).made_of().solid->block;
   SolidTissue& tissue = block.tissue;
   tissue = solid(tissue.grid, 0.49, [](double x, double y, double z) {
     return std::hypot(x - 0.032, y - 0.002, z - 0.032) < 0.006 ? 3e5 : 1e4;
@@ -177,10 +182,10 @@ TEST(PlannedLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
 // GIVEN a lump that shares are off by more at than is allowed, WHEN it is touched before the nodes are
 // corrected, THEN shares answer, and not as a solution that converged: how far they are off is what it is
 // trusted by.
-TEST(PlannedLayer, SharesInThePlaceOfLateNodesSaySo) {
+TEST(SolidLayer, SharesInThePlaceOfLateNodesSaySo) {
   const SolidTouchModel lump = model(8);
   const auto layer = lump.layer({}, way(), {});
-  const ContactAnswer late = layer->touch(kTip, kOver);
+  const ContactAnswer late = layer->answer(kTip, kOver);
   ASSERT_EQ(late.path, SolvePath::kShares);
   EXPECT_FALSE(late.solve.converged);
   EXPECT_TRUE(late.solve.improving);
@@ -188,21 +193,52 @@ TEST(PlannedLayer, SharesInThePlaceOfLateNodesSaySo) {
   EXPECT_GT(late.solve.relative_error, choices::kTrustedMeanwhile);
   EXPECT_NEAR(late.solve.relative_error, ForceBudget::kOf95 * late.budget.relative(ErrorTerm::kModel), 1e-9);
   const ContactAnswer nodes = touch(*layer);
-  EXPECT_EQ(nodes.path, SolvePath::kAuto);
+  EXPECT_EQ(nodes.path, SolvePath::kGradients);
   EXPECT_TRUE(nodes.solve.converged);
 }
 
-TEST(PlannedLayer, WhatALawIsSampledByIsPlannedToo) {
-  const SolidTouchModel lump = model(4);
-  const auto apart = lump.layer({}, way(Tolerance{0.12, 0}), {})->apart(),
-             fine = lump.layer({}, way(Tolerance{0.0005, 0}), {})->apart();
-  EXPECT_EQ(touch(*apart).path, SolvePath::kShares);
-  EXPECT_EQ(touch(*apart, {{0.01, 0.002, 0.01}}).path, SolvePath::kShares);
-  EXPECT_EQ(touch(*fine).path, SolvePath::kAuto);
+// GIVEN a lump that the nodes are not corrected at, THEN what they want says how far off they are and that a
+// finger that is put down has no answer before; where shares stand in it has one, and nothing is wanted of a
+// finger that rests once they are corrected.
+TEST(SolidLayer, WhatItWantsSaysHowFarOffItIsAndWhoWaits) {
+  const SolidTouchModel lump = model(8);
+  const auto nodes = lump.layer({}, way({}, SolvePath::kGradients), {}), planned = lump.layer({}, way(), {});
+  const ContactAnswer guess = nodes->answer(kTip, kOver);
+  EXPECT_TRUE(guess.solve.improving);
+  const auto job = nodes->wanted(kTip, kOver, 0), meanwhile = planned->wanted(kTip, kOver, 0);
+  ASSERT_TRUE(job && meanwhile);
+  EXPECT_DOUBLE_EQ(job->error, guess.solve.relative_error - guess.solve.of_model);
+  EXPECT_EQ(job->wait, JobWait::kFirst);
+  EXPECT_EQ(meanwhile->wait, JobWait::kAwaited);
+  EXPECT_LE(meanwhile->error, job->error);
+  EXPECT_FALSE(nodes->wanted(kTip, {{0.032, -0.001, 0.032}}, 0)) << "above";
+  EXPECT_TRUE(job->work(TouchedLayer::Clock::now() + std::chrono::seconds(10)));
+  EXPECT_TRUE(nodes->answer(kTip, kOver).solve.converged);
+  EXPECT_FALSE(nodes->wanted(kTip, kOver, 0));
+  TouchPose moving = kOver;
+  moving.velocity_m_s = {0.05, 0, 0};
+  const auto ahead = nodes->wanted(kTip, moving, 0);
+  ASSERT_TRUE(ahead) << "for where it will be";
+  EXPECT_EQ(ahead->error, 0);
+  EXPECT_EQ(ahead->wait, JobWait::kBeside);
+  EXPECT_GT(ahead->cost_s, 0);
 }
 
-TEST(PlannedLayer, BesideTheBlockItIsNotTouched) {
-  EXPECT_THROW(model(1).layer({}, way(), {})->touch(kTip, {{-0.001, 0.002, 0.03}}), std::out_of_range);
+TEST(SolidLayer, WhatALawIsSampledByIsPlannedToo) {
+  const SolidTouchModel lump = model(4);
+  const auto for_law = [&](const Tolerance& tolerance) {
+    TouchWay of_law = way(tolerance);
+    of_law.law = true;
+    return lump.layer({}, of_law, {});
+  };
+  const auto apart = for_law({0.12, 0}), fine = for_law({0.0005, 0});
+  EXPECT_EQ(touch(*apart).path, SolvePath::kShares);
+  EXPECT_EQ(touch(*apart, {{0.01, 0.002, 0.01}}).path, SolvePath::kShares);
+  EXPECT_EQ(touch(*fine).path, SolvePath::kGradients);
+}
+
+TEST(SolidLayer, BesideTheBlockItIsNotTouched) {
+  EXPECT_THROW(model(1).layer({}, way(), {})->answer(kTip, {{-0.001, 0.002, 0.03}}), std::out_of_range);
 }
 
 }  // namespace
