@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <fstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -114,9 +114,9 @@ void set_limit(Limits& limits, std::string_view name, double value) {
   const auto row = std::find_if(rows.begin(), rows.end(), [&](const auto& r) { return name == r.name; });
   if (row == rows.end()) {
     for (const auto& [old, now] : {std::pair{"most_", "max_"}, {"least_", "min_"}})
-      if (name.starts_with(old))
-        throw std::invalid_argument(
-            fmt::format("{}: it is called {}{} now", name, now, name.substr(std::strlen(old))));
+      for (const LimitRow& r : rows)
+        if (std::string_view(r.name).starts_with(now) && name == old + std::string(r.name).substr(4))
+          throw std::invalid_argument(fmt::format("{}: it is called {} now", name, r.name));
     throw std::invalid_argument(fmt::format("{}: no such limit; GetInfo names them", name));
   }
   if (!row->meaning)

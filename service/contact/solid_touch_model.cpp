@@ -82,14 +82,14 @@ std::string SolidTouchModel::plan() const {
   const auto surface = ready(*state_).first;
   const auto shares = surface ? surface->contact.shares(usual) : nullptr;
   if (!shares) return "how its surface is touched is planned at the first touch";
-  constexpr double kUsualM = 0.002;
-  const double off = shares->max_half_width(kUsualM);
+  const double at_m = std::min(0.002, shares->max_m());
+  const double off = shares->max_half_width(at_m);
   const Tolerance tolerance = usual_tolerance(state_->block.log_deviation);
   return fmt::format(
-      "a round tip of {:.3g} mm is answered by log-weighted shares{}: at {:.0f} mm they may be off by up to "
+      "a round tip of {:.3g} mm is answered by log-weighted shares{}: at {:.2g} mm they may be off by up to "
       "{:.2g} %, where {:.2g} % or {:.2g} mN are allowed",
       1e3 * usual.radius_m, off <= tolerance.relative ? "" : " where they do, else by the nodes of the solid",
-      1e3 * kUsualM, 100 * off, 100 * tolerance.relative, 1e3 * tolerance.force_n);
+      1e3 * at_m, 100 * off, 100 * tolerance.relative, 1e3 * tolerance.force_n);
 }
 
 std::shared_ptr<TouchedLayer> SolidTouchModel::layer(const Layer& layer, const TouchWay& way,

@@ -38,7 +38,7 @@ struct LaunchLog {
   void collect();  // waits for the pending launches and adds them to the totals
 };
 
-// What a queue has ahead of it, on a thread that looks up (look.h).
+// What a queue has ahead of it, on a thread that looks up (cancellation.h).
 struct Pace {
   double ahead_s = 0;
 };

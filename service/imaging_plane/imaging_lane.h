@@ -30,7 +30,7 @@ class ImagingLane {
  public:
   using Clock = std::chrono::steady_clock;
   using Frames = std::pair<RfFrame, RfFrame>;  // pre and post
-  // Without a look for so long, its device hangs: at most 50 ms of work lie between two (look.h).
+  // Without a look for so long, its device hangs: at most 50 ms of work lie between two (cancellation.h).
   static constexpr double kStalledS = 10;
 
   // `device`: its `number`-th. `reopen` opens it anew after it failed; `tell` is told whether it works, on

@@ -93,10 +93,14 @@ void Publisher::refresh_later(const std::shared_ptr<Scene>& scene, const JobTerm
 void Publisher::refresh(const std::shared_ptr<Scene>& scene, JobTerms terms) {
   const double begun_s = worked_s();
   bool more = false;
-  if (const auto renewed = scene->renewed())  // while slices come
-    change_alone(*scene, [&] { scene->renew(*renewed); });
-  else
-    change_alone(*scene, [&] { more = scene->refresh_stale_window(); });
+  const auto renewed = scene->renewed();  // while slices come
+  const bool changed = workers_.do_alone(scene.get(), patience_, [&] {
+    if (renewed)
+      scene->renew(*renewed);
+    else
+      more = scene->refresh_stale_window();
+  });
+  if (!changed) return refresh_later(scene, terms);  // its former device hangs: until it does not
   scenes_.keep_later(scene);
   if (!more) return;
   terms.cost_s = worked_s() - begun_s;

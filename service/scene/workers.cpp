@@ -4,7 +4,6 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
@@ -66,7 +65,8 @@ void Workers::stop() {
 void Workers::finish() {
   {
     Lock lock(mutex_);
-    ended_.wait(lock, [this] { return jobs_.empty(); });
+    while (!ended_.wait_for(lock, std::chrono::milliseconds(100), [this] { return jobs_.empty(); }))
+      dispatch();  // there was no thread for whose turn it was
   }
   stop();
 }
@@ -238,7 +238,11 @@ void Workers::end(Id id, std::exception_ptr error, Lock& lock) {
 }
 
 void Workers::drop_expired(Lock& lock) {
-  for (const Id id : schedule_.expired(Clock::now())) end(id, error_of(ErrorKind::kDeadline, kLate), lock);
+  for (const Id id : schedule_.expired(Clock::now())) {
+    // end() unlocks: another device's thread may have begun it meanwhile, or ended it.
+    const auto job = jobs_.find(id);
+    if (job != jobs_.end() && !job->second->has_thread) end(id, error_of(ErrorKind::kDeadline, kLate), lock);
+  }
 }
 
 // Throws when the job is to end.

@@ -53,7 +53,8 @@ class Workers {
   // these.
   std::size_t device_here() const;
   // Has `work` done by the job of this thread while no other job has `what`. False: another device's job had
-  // it for all of `patience`, and it was not done. Throws as a check_cancelled() does, and as device_here().
+  // it for all of `patience`, it was not done, and this one has no turn: it is to end. Throws as a
+  // check_cancelled() does, and as device_here().
   bool do_alone(const void* what, Clock::duration patience, const std::function<void()>& work);
   // When a job on these terms would be done, if it were posted now.
   double done_in_s(const JobTerms&) const;

@@ -16,6 +16,9 @@
 namespace teletact::service {
 namespace {
 
+constexpr const char* kStillSolved =
+    "columns of the contact are still being solved; hold the finger above, or use the compliance";
+
 // A finger that would be faster was put down elsewhere.
 constexpr double kFastestMS = 0.5;
 
@@ -165,7 +168,7 @@ void TouchSession::leave_window() {
 }
 
 // False while the window's layer is being made ready. Until a newer model of the same window has it, and
-// welcomes the finger, the one before answers.
+// would answer the finger well, the one before answers.
 bool TouchSession::enter(const std::shared_ptr<const WindowModel>& window, const SceneSnapshot& snapshot,
                          const TouchPose& pose, const MayEnter& may_enter) {
   if (window == window_) return true;
@@ -234,6 +237,8 @@ ContactAnswer TouchSession::answered(const TouchPose& pose) {
   ContactAnswer answer = touched_->answer(tip, pose);
   if (!(indentation_m(layer_, pose) > 0)) return answer;
   auto job = touched_->wanted(tip, pose, 0);
+  if (!job && !std::isfinite(answer.solve.relative_error))
+    answer = touched_->answer(tip, pose);  // found by now
   const auto goes_on = [&] {
     if (!std::isfinite(answer.solve.relative_error)) return false;
     return is_followed(pose) || (job->wait != JobWait::kFirst && presses_on(pose));
@@ -242,11 +247,9 @@ ContactAnswer TouchSession::answered(const TouchPose& pose) {
     const bool done = job->work(TouchedLayer::Clock::now() + choices::kLongestSolve);
     job = touched_->wanted(tip, pose, 0);
     answer = touched_->answer(tip, pose);
-    if (!std::isfinite(answer.solve.relative_error) || (!done && job && job->wait == JobWait::kFirst))
-      throw std::runtime_error(
-          "columns of the contact are still being solved; hold the finger above, or use "
-          "the compliance");
+    if (!done && job && job->wait == JobWait::kFirst) throw std::runtime_error(kStillSolved);
   }
+  if (!std::isfinite(answer.solve.relative_error)) throw std::runtime_error(kStillSolved);
   if (job) job->work(TouchedLayer::Clock::now());
   return answer;
 }
@@ -257,7 +260,8 @@ void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
   const ContactAnswer& c = answer.contact;
   answer.path = c.state == ContactState::kContact ? c.path : SolvePath::kAuto;
   before_ = std::exchange(at_, pose), at_time_ = TouchedLayer::Clock::now();
-  if (c.solve.converged || c.solve.relative_error - c.solve.of_model <= choices::kTrustedMeanwhile)
+  if (c.path != SolvePath::kShares &&
+      (c.solve.converged || c.solve.relative_error - c.solve.of_model <= choices::kTrustedMeanwhile))
     trusted_ = pose, trusted_time_ = at_time_;
 }
 

@@ -71,6 +71,8 @@ TEST(Limits, WhatIsBeyondItsRangeIsRefusedByName) {
   EXPECT_NE(why_refused("max_scenes", 3.5).find("whole"), std::string::npos);
   EXPECT_EQ(why_refused("max_spoons", 3).find("max_spoons: "), 0U);
   EXPECT_EQ(why_refused("most_scenes", 3), "most_scenes: it is called max_scenes now");
+  EXPECT_EQ(why_refused("least_tip_m", 3), "least_tip_m: it is called min_tip_m now");
+  EXPECT_EQ(why_refused("most_spoons", 3), "most_spoons: no such limit; GetInfo names them");
 }
 
 // Any two that are set fit together.

@@ -21,13 +21,15 @@ namespace {
 const Fingertip kTip;
 const TouchPose kOver{{0.032, 0.002, 0.032}};
 
-// A lump 3 mm below the surface.
-SolidTouchModel model(double contrast, double deviation = 0) {
+// A lump 3 mm below the surface. A first row of top_m is softer than what it lies on.
+SolidTouchModel model(double contrast, double deviation = 0, double top_m = 0.002) {
   SolidBlock block;
   SolidGrid grid{32, 32, 0.002, 0.002, {}};
-  for (std::size_t j = 0; j <= 20; ++j) grid.y_m.push_back(double(j) * 0.002);
+  grid.y_m.push_back(0);
+  for (std::size_t j = 1; j <= 20; ++j) grid.y_m.push_back(top_m + double(j - 1) * 0.002);
   block.tissue = solid(grid, 0.49, [=](double x, double y, double z) {
-    return 1e4 * (std::hypot(x - 0.032, y - 0.007, z - 0.032) < 0.004 ? contrast : 1);
+    return (top_m < 0.002 && y < top_m ? 0.7e4 : 1e4) *
+           (std::hypot(x - 0.032, y - 0.007, z - 0.032) < 0.004 ? contrast : 1);
   });
   block.region = {0, 0.064, RangeZ{0, 0.064}};
   block.log_deviation = deviation;
@@ -159,6 +161,14 @@ TEST(SolidLayer, ThePlanSaysWhereTheNodesAnswer) {
   const SolidTouchModel hard = model(30);
   hard.layer({}, way(), {});
   EXPECT_NE(hard.plan().find("shares where they do, else by the nodes"), std::string::npos) << hard.plan();
+}
+
+// Shares know a contact up to some 16 times the first row's thickness.
+TEST(SolidLayer, ThePlanOfAThinFirstRowIsOfAShallowerTouch) {
+  const SolidTouchModel thin = model(1, 0, 0.0002);
+  thin.layer({}, way(), {});
+  EXPECT_NE(thin.plan().find("answered by log-weighted shares"), std::string::npos) << thin.plan();
+  EXPECT_EQ(thin.plan().find("at 2 mm"), std::string::npos) << thin.plan();
 }
 
 // Nodes of a hard lump at the surface: a deep tip has no contact there.

@@ -115,6 +115,42 @@ TEST(Workers, DeadlineEndsWhatRunsAndWhatWaits) {
   other.future.get();
 }
 
+// While the first is told, the second's device is free, and its thread ends it.
+TEST(Workers, JobsThatExpireAtOnceOnTwoDevicesEndOnce) {
+  Workers workers;
+  std::atomic<bool> over{false}, free{false};
+  std::atomic<int> ended{0};
+  std::promise<void> begun, second;
+  const auto on = [](std::size_t device, Clock::time_point deadline = Clock::time_point::max()) {
+    JobTerms terms = of("a");
+    terms.device = device, terms.deadline = deadline;
+    return terms;
+  };
+  auto held = workers.run(on(1), [&] {  // never looks
+    begun.set_value();
+    while (!free) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  });
+  begun.get_future().wait();
+  auto looks = workers.run(on(0), [&] { work_until([&] { return over.load(); }); });
+  const auto late = Clock::now() + std::chrono::milliseconds(50);
+  auto second_ended = second.get_future();
+  workers.post(
+      on(0, late), [] {},
+      [&](const std::exception_ptr&) {
+        free = true;
+        EXPECT_EQ(second_ended.wait_for(kLong), std::future_status::ready);
+        over = true;
+      });
+  workers.post(
+      on(1, late), [] {},
+      [&](const std::exception_ptr&) {
+        if (ended++ == 0) second.set_value();
+      });
+  looks.future.get();
+  held.future.get();
+  EXPECT_EQ(ended, 1);
+}
+
 TEST(Workers, WhatIsOwedRunsByItsDeadlineBesideWorkThatNeverEnds) {
   Workers workers;
   auto endless = workers.run(of("greedy"), [] { work_until([] { return false; }); });

@@ -1,6 +1,5 @@
 #include "service/imaging/modulus/sparse_factor.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "service/device/cancellation.h"
