@@ -181,6 +181,7 @@ void Workers::work() {
   Lock lock(mutex_);
   for (;;) {
     ++idle_;
+    dispatch();
     start_.wait(lock, [this] { return stop_ || !starting_.empty(); });
     --idle_;
     if (starting_.empty()) return;
@@ -227,13 +228,15 @@ void Workers::end(Id id, std::exception_ptr error, Lock& lock) {
   jobs_.erase(found);
   schedule_.ended(id, Clock::now());
   Turn& turn = turns_.at(job->terms.device);
-  if (turn.running == id) turn.running = 0;
+  const bool background = job->terms.background;  // the next begins on this thread: one is enough
+  if (turn.running == id && !background) turn.running = 0;
   dispatch();
   lock.unlock();
   job->work = nullptr;
   job->done(std::move(error));
   job->done = nullptr;
   lock.lock();
+  if (turn.running == id) turn.running = 0;
   if (jobs_.empty()) ended_.notify_all();
 }
 

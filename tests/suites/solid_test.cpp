@@ -59,7 +59,9 @@ TEST(PlanSuite, EveryModelAnswersEveryPair) {
   EXPECT_TRUE(plan.at("failures").empty());
   ASSERT_EQ(plan.at("cases").size(), 2);
   EXPECT_GT(plan.at("cases")[0].at("shares_error"), 0.1) << "a case that is hard for nobody";
-  EXPECT_NE(plan.at("cases")[1].at("said").get<std::string>().find("DEGRADED"), std::string::npos);
+  const auto& hard = plan.at("cases")[1];  // corrected, or said not to be
+  EXPECT_TRUE(hard.at("said").get<std::string>().starts_with("DEGRADED") ||
+              hard.at("error") <= hard.at("stated"));
   EXPECT_EQ(plan.at("learning").size(), 2);
   const auto of_all = [&](const std::string& model) {
     for (const auto& s : plan.at("summaries"))
