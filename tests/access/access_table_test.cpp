@@ -5,6 +5,8 @@
 #include <functional>
 #include <set>
 
+#include "tests/access/access_folder.h"
+
 namespace teletact::service {
 namespace {
 
