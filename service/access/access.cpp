@@ -1,5 +1,6 @@
 #include "service/access/access.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
 
@@ -24,18 +25,8 @@ std::shared_ptr<const AccessTable> Access::table() const {
 }
 
 void Access::log_refusal(const std::string& peer, const AccessRefused& refused) const {
-  std::uint64_t more = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    const auto now = std::chrono::steady_clock::now();
-    if (said_ != decltype(said_)() && now - said_ < std::chrono::seconds(1)) {
-      ++unsaid_;
-      return;
-    }
-    said_ = now;
-    more = std::exchange(unsaid_, 0);
-  }
-  spdlog::warn("event=access_refused peer={} unsaid={} why=\"{}\"", peer, more, refused.what());
+  refusals_.tell(PacedLog::Clock::now(),
+                 [&] { return fmt::format("peer={} why=\"{}\"", peer, refused.what()); });
 }
 
 Access::Seen Access::seen_now() const {

@@ -13,6 +13,7 @@
 
 #include "service/access/access_table.h"
 #include "service/access/file_watch.h"
+#include "service/base/paced_log.h"
 
 namespace teletact::service {
 
@@ -50,8 +51,7 @@ class Access {
   mutable std::mutex mutex_;
   std::shared_ptr<const AccessTable> table_;
   std::atomic<std::uint64_t> version_{1};
-  mutable std::chrono::steady_clock::time_point said_{};
-  mutable std::uint64_t unsaid_ = 0;
+  mutable PacedLog refusals_{"access_refused"};
   FileWatch watch_;  // last: it looks at all of these
 };
 

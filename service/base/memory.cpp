@@ -1,7 +1,6 @@
 #include "service/base/memory.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <utility>
@@ -117,29 +116,15 @@ void MemoryBudget::fit(std::unique_lock<std::mutex>& lock, Place place, const ch
     if (why.empty()) return;
     lock.unlock();
     if (!possible || !reclaim(place, of_client ? &account.client : nullptr)) {
-      say_refused(place, kind, account, why);
+      // Whoever asks a thousand times a second is told so each time; the log is not.
+      refusals_.tell(PacedLog::Clock::now(), [&] {
+        return fmt::format("place={} kind={} client=\"{}\" scene={} why=\"{}\"", name_of(place), kind,
+                           account.client, account.scene, why);
+      });
       throw MemoryRefused(why);
     }
     lock.lock();
   }
-}
-
-// A line a second: whoever asks a thousand times a second is told so each time, the log is not.
-void MemoryBudget::say_refused(Place place, const char* kind, const MemoryAccount& account,
-                               const std::string& why) {
-  std::uint64_t more = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    const auto now = std::chrono::steady_clock::now();
-    if (said_ != decltype(said_)() && now - said_ < std::chrono::seconds(1)) {
-      ++unsaid_;
-      return;
-    }
-    said_ = now;
-    more = std::exchange(unsaid_, 0);
-  }
-  spdlog::warn("event=memory_refused place={} kind={} client=\"{}\" scene={} unsaid={} why=\"{}\"",
-               name_of(place), kind, account.client, account.scene, more, why);
 }
 
 void MemoryBudget::make_room(Place place, const char* kind, const MemoryAccount& account,

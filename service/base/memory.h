@@ -17,6 +17,8 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/paced_log.h"
+
 namespace teletact::service {
 
 struct Limits;
@@ -120,11 +122,9 @@ class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
     std::vector<std::pair<std::string, std::weak_ptr<Reclaimable>>> reclaimable;  // by client
     std::size_t prune_at = 64;  // entries, those that are gone among them
   };
-  void say_refused(Place, const char* kind, const MemoryAccount&, const std::string& why);
   mutable std::mutex mutex_;
-  std::chrono::steady_clock::time_point said_{};  // the last refusal
-  std::uint64_t unsaid_ = 0;                      // refusals since
-  std::vector<Side> sides_;                       // by Place
+  PacedLog refusals_{"memory_refused"};
+  std::vector<Side> sides_;  // by Place
   // By place, kind, client, scene; one that holds nothing is dropped.
   std::map<std::array<std::string, 4>, std::unique_ptr<Charge::Holder>> holders_;
 };

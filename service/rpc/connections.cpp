@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <linux/tcp.h>
 #include <poll.h>
-#include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
@@ -14,6 +13,8 @@
 #include <cerrno>
 #include <string_view>
 #include <utility>
+
+#include "service/base/paced_log.h"
 
 namespace teletact::service {
 
@@ -62,18 +63,10 @@ void set_window(int socket, int bytes, bool stays) {
   if (!stays) ::setsockopt(socket, SOL_SOCKET, SO_BUF_LOCK, &kKernels, sizeof kKernels);
 }
 
-// One line a second at most.
 void say_cut(const std::string& peer, bool known, const char* why) {
-  static std::atomic<std::int64_t> said_s{-1}, unsaid{0};
-  const std::int64_t now_s =
-      std::chrono::duration_cast<std::chrono::seconds>(CountedConnection::Clock::now().time_since_epoch())
-          .count();
-  if (said_s.exchange(now_s) == now_s) {
-    ++unsaid;
-    return;
-  }
-  spdlog::warn("event=connection_cut peer={} known={} why=\"{}\" others={}", peer, known, why,
-               unsaid.exchange(0));
+  static PacedLog cuts{"connection_cut"};
+  cuts.tell(PacedLog::Clock::now(),
+            [&] { return fmt::format("peer={} known={} why=\"{}\"", peer, known, why); });
 }
 
 }  // namespace
@@ -218,8 +211,7 @@ void Connections::look(Clock::time_point now) {
     const auto seen = connection.look(now);
     const double age_s = std::chrono::duration<double>(now - connection.since()).count();
     const bool grown = resident_bytes > connection.resident_bytes_then() + limits_.growth_bytes;
-    const double at_once =
-        grown ? limits_.unknown_bytes_per_second : static_cast<double>(max_unknown_bytes_);
+    const double at_once = grown ? limits_.unknown_bytes_per_second : static_cast<double>(max_unknown_bytes_);
     const double max_bytes = at_once + limits_.unknown_bytes_per_second * age_s;
     if (!connection.vouched()) newly_received += seen.since_last_look;
     if (!connection.vouched() && static_cast<double>(seen.received_bytes) > max_bytes)

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "service/base/current_trace.h"
-#include "service/base/slow_log.h"
+#include "service/base/paced_log.h"
 #include "service/rpc/allowance.h"
 #include "service/rpc/call_headers.h"
 #include "service/rpc/call_life.h"

@@ -21,8 +21,6 @@ constexpr std::size_t kStep = 2;  // columns of one step of prepare(): a batch i
 // takes vectors of the grid: loads, u, r, M r, K M r and samples, and the solver's own.
 constexpr std::size_t kBatch = 32, kMaxSolvingBytes = std::size_t{64} << 20;
 constexpr std::size_t kSolvingBytes = 14 * sizeof(double), kColumnBytes = sizeof(double) + sizeof(float);
-// Of an element: grid, material and marks in a solver, on the host.
-constexpr std::size_t kSolverBytes = 32;
 
 // Bound of the relative error that rounding leaves in a compliance: that of the residual K u, whose bulk part
 // cancels. Measured (error_estimate_test): it grows about as the square root of bulk over shear.
@@ -60,28 +58,6 @@ std::uint64_t oldest_of(const std::shared_ptr<IterativeCompliance>& one) {
 }
 
 }  // namespace
-
-SharedSolver::SharedSolver(std::shared_ptr<Device> device, std::shared_ptr<const TissueProblem> problem,
-                           const ElasticitySolverOptions& options)
-    : device_(std::move(device)),
-      problem_(std::move(problem)),
-      options_(options),
-      charge_(options.account.charge(Place::kHost, "solvers", kSolverBytes * problem_->grid.elements())) {
-  make();
-}
-
-void SharedSolver::make() {
-  const TissueProblem& p = *problem_;
-  solver_ = std::make_unique<ElasticitySolver>(device_, p.grid, p.supports, p.material, options_);
-}
-
-bool SharedSolver::give_back() {
-  if (busy_) return false;  // first: the thread that uses it may be the one that needs room
-  const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (!lock || !solver_) return false;
-  solver_.reset();
-  return true;
-}
 
 // Columns that a call needs, which stay while it lives.
 class IterativeCompliance::Asked {

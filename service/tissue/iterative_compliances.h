@@ -20,44 +20,10 @@
 #include "service/base/memory.h"
 #include "service/tissue/compliance.h"
 #include "service/tissue/elasticity_solver.h"
+#include "service/tissue/shared_solver.h"
 #include "service/tissue/tissue_problem.h"
 
 namespace teletact::service {
-
-// One solver for all rows of a problem on one device, used by one thread at a time. It is made when it is
-// needed and gives back the device's memory when others need it.
-class SharedSolver final : public Reclaimable {
- public:
-  // Makes the solver, and throws as its constructor does.
-  SharedSolver(std::shared_ptr<Device>, std::shared_ptr<const TissueProblem>, const ElasticitySolverOptions&);
-  template <class Work>
-  auto with(Work work) {
-    const std::lock_guard lock(mutex_);
-    const InUse use(busy_);
-    used_ = use_stamp();
-    if (!solver_) make();
-    return work(*solver_);
-  }
-  std::uint64_t last_use() const override { return used_; }
-  bool give_back() override;
-
- private:
-  struct InUse {
-    explicit InUse(std::atomic<bool>& busy_) : busy(busy_) { busy = true; }
-    ~InUse() { busy = false; }
-    std::atomic<bool>& busy;
-  };
-  void make();
-
-  const std::shared_ptr<Device> device_;
-  const std::shared_ptr<const TissueProblem> problem_;
-  const ElasticitySolverOptions options_;
-  const Charge charge_;
-  std::mutex mutex_;
-  std::atomic<bool> busy_ = false;
-  std::atomic<std::uint64_t> used_ = use_stamp();
-  std::unique_ptr<ElasticitySolver> solver_;
-};
 
 // Of one row. Keeps 12 bytes per degree of freedom of the grid for every column asked for, as long as there
 // is room: the column used least recently is given back first, and solved again when it is asked for again.

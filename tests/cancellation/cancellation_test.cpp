@@ -20,6 +20,7 @@
 #include "tests/cancellation/fuzz/traffic.h"
 #include "tests/cancellation/stage.h"
 #include "tests/rpc/estimate_client.h"
+#include "tests/support/number_in.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 extern "C" std::size_t __sanitizer_get_current_allocated_bytes();  // GCC ships no header for it
@@ -32,11 +33,6 @@ using service::Bystander;
 
 constexpr double kUndisturbedPeriodS = 0.01;
 constexpr std::uint64_t kAllCalls = 100'000;
-
-std::uint64_t from_environment(const char* name, std::uint64_t otherwise) {
-  const char* text = std::getenv(name);
-  return text ? std::strtoull(text, nullptr, 10) : otherwise;
-}
 
 // What is allocated and not free: the same whether or not a sanitizer keeps what was freed.
 std::size_t allocated_bytes() {
@@ -134,8 +130,8 @@ class Cancellation : public testing::Test {
   void rounds(std::size_t share = 1);
   std::vector<std::string> unmet() const;
 
-  const std::uint64_t seed = from_environment("TELETACT_FUZZ_SEED", 1);
-  const std::size_t wanted = from_environment("TELETACT_FUZZ_CALLS", kAllCalls);
+  const std::uint64_t seed = number_in("TELETACT_FUZZ_SEED", 1);
+  const std::size_t wanted = number_in("TELETACT_FUZZ_CALLS", kAllCalls);
   const std::vector<Share> shares;
   Random random{seed};
   Tally tally;

@@ -58,7 +58,6 @@ TEST_F(ExperimentService, TheJndOverTissueIsThatOverSpringsAndAKilledServiceCost
     all.insert(all.end(), words.begin(), words.end());
     return std::make_unique<test::Process>(experiment(all, begins), folder / log);
   };
-  auto on_line = begin({"--csv", line}, "line.log", true);
   auto on_solid = begin({"--solid", "--csv", solid}, "solid.log", true);
   ASSERT_TRUE(on_solid->says("trial 3 of 8", 120)) << on_solid->output();
   on_solid->kill(SIGINT);
@@ -66,6 +65,7 @@ TEST_F(ExperimentService, TheJndOverTissueIsThatOverSpringsAndAKilledServiceCost
   EXPECT_EQ(on_solid->output().find("may still be on the service"), std::string::npos) << on_solid->output();
   EXPECT_EQ(client::read_results_csv(solid).size(), 2u);
   on_solid = begin({"--solid", "--resume", solid}, "on.log", false);
+  auto on_line = begin({"--csv", line}, "line.log", true);  // in its midst when the service is killed
   ASSERT_TRUE(on_solid->says("trial 4 of 8", 120)) << on_solid->output();
   EXPECT_EQ(on_solid->output().find("trial 2 of 8"), std::string::npos) << on_solid->output();
 

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <map>
 #include <optional>
 #include <random>
@@ -18,6 +17,7 @@
 
 #include "service/scene/errors.h"
 #include "service/scene/schedule.h"
+#include "tests/support/number_in.h"
 
 namespace teletact::service {
 namespace {
@@ -288,14 +288,9 @@ class Simulation {
 };
 
 // TELETACT_SEEDS=N: so many; TELETACT_SEED=K: that one alone.
-std::uint64_t number_in(const char* variable, std::uint64_t otherwise) {
-  const char* given = std::getenv(variable);
-  return given ? std::strtoull(given, nullptr, 10) : otherwise;
-}
-
 TEST(Schedule, KeepsItsPromisesToClientsThatDoNotKeepTheirs) {
-  const std::uint64_t one = number_in("TELETACT_SEED", 0);
-  const std::uint64_t first = one ? one : 1, last = one ? one : number_in("TELETACT_SEEDS", 500);
+  const std::uint64_t one = test::number_in("TELETACT_SEED", 0);
+  const std::uint64_t first = one ? one : 1, last = one ? one : test::number_in("TELETACT_SEEDS", 500);
   std::uint64_t ended = 0, gave_way = 0, refused = 0, lent = 0, weighed = 0, owed_in_time = 0;
   for (std::uint64_t seed = first; seed <= last; ++seed) {
     Simulation simulation(seed);

@@ -59,9 +59,11 @@ TEST(PlanSuite, EveryModelAnswersEveryPair) {
   EXPECT_TRUE(plan.at("failures").empty());
   ASSERT_EQ(plan.at("cases").size(), 2);
   EXPECT_GT(plan.at("cases")[0].at("shares_error"), 0.1) << "a case that is hard for nobody";
-  const auto& hard = plan.at("cases")[1];  // corrected, or said not to be
-  EXPECT_TRUE(hard.at("said").get<std::string>().starts_with("DEGRADED") ||
-              hard.at("error") <= hard.at("stated"));
+  const auto& hard = plan.at("cases")[1];
+  EXPECT_LE(hard.at("error"), hard.at("stated"));
+  if (!hard.at("said").get<std::string>().starts_with("DEGRADED")) {
+    EXPECT_LE(hard.at("stated"), 0.2) << "corrected, or said not to be";
+  }
   EXPECT_EQ(plan.at("learning").size(), 2);
   const auto of_all = [&](const std::string& model) {
     for (const auto& s : plan.at("summaries"))

@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <functional>
 #include <map>
 #include <memory>
@@ -23,6 +22,7 @@
 #include "service/scene/errors.h"
 #include "service/touch_plane/touch_exchange.h"
 #include "service/touch_plane/touch_queue.h"
+#include "tests/support/number_in.h"
 
 namespace teletact::service {
 namespace {
@@ -371,14 +371,9 @@ class Simulation {
 };
 
 // TELETACT_SEEDS=N: so many; TELETACT_SEED=K: that one alone.
-std::uint64_t number_in(const char* variable, std::uint64_t otherwise) {
-  const char* given = std::getenv(variable);
-  return given ? std::strtoull(given, nullptr, 10) : otherwise;
-}
-
 TEST(TouchPlane, KeepsItsPromisesToClientsThatDoNotKeepTheirs) {
-  const std::uint64_t one = number_in("TELETACT_SEED", 0);
-  const std::uint64_t first = one ? one : 1, last = one ? one : number_in("TELETACT_SEEDS", 2000);
+  const std::uint64_t one = test::number_in("TELETACT_SEED", 0);
+  const std::uint64_t first = one ? one : 1, last = one ? one : test::number_in("TELETACT_SEEDS", 2000);
   std::uint64_t answers = 0, longer = 0, refused = 0, weighed = 0;
   for (std::uint64_t seed = first; seed <= last; ++seed) {
     Plane plane = plane_of(seed);
@@ -403,7 +398,7 @@ TEST(TouchPlane, KeepsItsPromisesToClientsThatDoNotKeepTheirs) {
 // there after the first quarter; everybody has left when it is looked at.
 TEST(TouchPlane, HoldsNoMoreAfterManyCoursesOfEvents) {
   constexpr std::size_t kNothing = 8 << 10;  // bytes: less than a pointer lost with each principal
-  const std::chrono::seconds all{number_in("TELETACT_SIMULATED_S", 300)};
+  const std::chrono::seconds all{test::number_in("TELETACT_SIMULATED_S", 300)};
   for (const std::uint64_t first : {1u, 2u}) {
     Plane plane = plane_of(first);
     const Time begin = plane.now;

@@ -1,5 +1,5 @@
 // What took too long is one line, however much of it there is, on a given clock.
-#include "service/base/slow_log.h"
+#include "service/base/paced_log.h"
 
 #include <gtest/gtest.h>
 

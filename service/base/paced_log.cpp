@@ -1,6 +1,7 @@
-#include "service/base/slow_log.h"
+#include "service/base/paced_log.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <iterator>
 #include <utility>
@@ -15,7 +16,12 @@ std::string key_values(std::chrono::steady_clock::duration took, const std::vect
   return text;
 }
 
-std::optional<std::uint64_t> SlowLog::turn(Clock::time_point now) {
+void PacedLog::tell(Clock::time_point now, const std::function<std::string()>& what) noexcept try {
+  if (const auto left_out = turn(now)) spdlog::warn("event={} {} left_out={}", event_, what(), *left_out);
+} catch (...) {
+}
+
+std::optional<std::uint64_t> PacedLog::turn(Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   if (said_at_ && now - *said_at_ < pace_) {
     ++left_out_;

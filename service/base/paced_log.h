@@ -1,10 +1,9 @@
-// What took too long, as lines of the log: one a pace at most, so that a flood of them does not fill it.
+// Lines of the log that a flood of events must not fill: one a pace at most, with how many were left out.
 #pragma once
-
-#include <spdlog/spdlog.h>
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -21,22 +20,15 @@ struct StageTime {
 std::string key_values(std::chrono::steady_clock::duration took, const std::vector<StageTime>& stages);
 
 // Thread-safe.
-class SlowLog {
+class PacedLog {
  public:
   using Clock = std::chrono::steady_clock;
 
-  SlowLog(const char* event, Clock::duration most, Clock::duration pace)
-      : event_(event), max_(most), pace_(pace) {}
-  bool too_long(Clock::duration took) const { return took > max_; }
+  explicit PacedLog(const char* event, Clock::duration pace = std::chrono::seconds(1))
+      : event_(event), pace_(pace) {}
   // "event=EVENT WHAT left_out=N", N of them since the line before; `what()` gives the key=value pairs. None
   // within the pace of the line before, nor where what() throws.
-  template <class What>
-  void tell(Clock::time_point now, What&& what) noexcept {
-    try {
-      if (const auto left_out = turn(now)) spdlog::warn("event={} {} left_out={}", event_, what(), *left_out);
-    } catch (...) {
-    }
-  }
+  void tell(Clock::time_point now, const std::function<std::string()>& what) noexcept;
   // One of which nobody will tell.
   void leave_out() {
     const std::lock_guard lock(mutex_);
@@ -47,10 +39,20 @@ class SlowLog {
   // Those left out, where a line is due.
   std::optional<std::uint64_t> turn(Clock::time_point now);
   const char* const event_;
-  const Clock::duration max_, pace_;
+  const Clock::duration pace_;
   std::mutex mutex_;
   std::optional<Clock::time_point> said_at_;
   std::uint64_t left_out_ = 0;
+};
+
+// Of what took too long.
+class SlowLog : public PacedLog {
+ public:
+  SlowLog(const char* event, Clock::duration max, Clock::duration pace) : PacedLog(event, pace), max_(max) {}
+  bool too_long(Clock::duration took) const { return took > max_; }
+
+ private:
+  const Clock::duration max_;
 };
 
 }  // namespace teletact::service
