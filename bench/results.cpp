@@ -231,7 +231,7 @@ std::string results_page(const json& result) try {
     if (is_cell(value)) lines += fmt::format("- {}: {}\n", words(key), cell(value));
   for (const auto& [key, value] : rest.items())
     if (!is_cell(value) && !is_left_out(key)) add(lines, tables, words(key), value);
-  if (!lines.empty()) page += "\n## Settings and figures\n\n" + lines;
+  if (!lines.empty()) page += "\n## Figures\n\n" + lines;
   return page + tables;
 } catch (const json::exception&) {
   throw BenchError("not the --json of a suite of this version");
