@@ -1,4 +1,5 @@
 // Pages of results are made of what the benches wrote, and of nothing else.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -39,15 +40,52 @@ TEST(Results, APageHoldsTheMachineThePromisesAndTheTables) {
     "machine": {"date": "2026-11-21", "version": "0.1.0", "cores": 2},
     "targets": [{"name": "reach", "value": 1.23456, "target": 2, "unit": "m", "at_most": false, "met": false}],
     "by_tip": [{"tip": "round", "force_n": 0.5}, {"tip": "flat", "force_n": 0.25, "stuck": true}],
-    "samples": [1, 2, 3]})");
+    "samples": [1, 2, 3], "touch": {"idle": {"p50_s": 0.5, "p99_s": 2, "samples": [4]}}})");
   ASSERT_EQ(finished.code, 0) << finished.output;
   const std::string page = text_of(folder / "pages/reach.md");
-  for (const char* part : {"# Results of `teletact-bench reach`", "- date: 2026-11-21", "- version: 0.1.0",
-                           "| reach | 1.235 m | >= 2 m | **not met** |", "- clients: 4", "## by tip",
-                           "| force n | tip | stuck |", "| 0.25 | flat | yes |", "| 0.5 | round | - |"})
+  for (const char* part :
+       {"# Results of `teletact-bench reach`", "report`: 2 cores, teletact 0.1.0, 2026-11-21.",
+        "| reach | **1.235 m, not met** | >= 2 m |\n", "- clients: 4", "- touch, idle: p50 s 0.5, p99 s 2",
+        "## by tip", "| force n | tip | stuck |", "| 0.25 | flat | yes |", "| 0.5 | round | - |"})
     EXPECT_NE(page.find(part), std::string::npos) << part << "\n" << page;
   EXPECT_EQ(page.find("samples"), std::string::npos) << "raw figures stay in the JSON";
   EXPECT_EQ(page.find("quick"), std::string::npos);
+}
+
+TEST(Results, PromisesOfOneKindThatAreMetShareARow) {
+  const test::TemporaryFolder folder;
+  const auto promise = [](const char* name, double value, double target) {
+    return fmt::format(
+        R"({{"name": "{}", "value": {}, "target": {}, "unit": "s", "at_most": true, "met": {}}})", name,
+        value, target, value <= target);
+  };
+  const auto finished = report(
+      folder, fmt::format(R"({{"suite": "reach", "machine": {{}}, "targets": [{}, {}, {}, {}, {}, {}]}})",
+                          promise("link_0_ms_law_faded", 0.5, 1), promise("link_50_ms_law_faded", 0.75, 1),
+                          promise("link_50_ms_law_lost", 0.5, 1), promise("link_90_ms_law_faded", 0.25, 1),
+                          promise("link_99_ms_law_faded", 3, 1), promise("link_70_ms_law_faded", 0.5, 2)));
+  ASSERT_EQ(finished.code, 0) << finished.output;
+  const std::string page = text_of(folder / "pages/reach.md");
+  EXPECT_NE(page.find("| link_..._ms_law_faded (worst of 3) | 0.75 s | <= 1 s |\n"
+                      "| link_50_ms_law_lost | 0.5 s | <= 1 s |\n"
+                      "| link_99_ms_law_faded | **3 s, not met** | <= 1 s |\n"
+                      "| link_70_ms_law_faded | 0.5 s | <= 2 s |\n"),
+            std::string::npos)
+      << page;
+}
+
+TEST(Results, NamesComeFirstAndWhatAllRowsShareIsSaidOnce) {
+  const test::TemporaryFolder folder;
+  const auto finished = report(folder, R"({"suite": "reach", "machine": {}, "targets": [], "by_tip": [
+    {"name": "round", "cases": 60, "force_n": 0.5, "seconds": 7}, {"name": "flat", "cases": 60, "force_n": 0.25},
+    {"name": "wide", "cases": 60, "force_n": 1}]})");
+  ASSERT_EQ(finished.code, 0) << finished.output;
+  const std::string page = text_of(folder / "pages/reach.md");
+  EXPECT_NE(
+      page.find("## by tip\n\nIn each row: cases 60.\n\n| name | force n |\n|---|---|\n| round | 0.5 |\n"),
+      std::string::npos)
+      << page;
+  EXPECT_EQ(page.find("seconds"), std::string::npos) << page;
 }
 
 TEST(Results, AQuickRunSaysSo) {
