@@ -131,7 +131,7 @@ void measure_trials(bool quick, Figures& figures, Promises& promises) {
     min_ledger_j = std::min(min_ledger_j, results[n].min_ledger_j);
     if (!untold) told.add(results[n]);
     const std::string capped = t.stiffness_n_m > t.device.largest_stiffness_n_m ? ", past the cap" : "";
-    figures.trials[(untold          ? "told half of it"
+    figures.trials[(untold          ? "half of the law known"
                     : t.stall_s > 0 ? "stalls"
                                     : "no stalls") +
                    capped]

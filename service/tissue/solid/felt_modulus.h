@@ -1,6 +1,6 @@
 // How stiff tissue is where its surface is touched, about (T8.4): ln(E / E0) of what lies around and below a
 // node, weighted by the share of the energy that a contact there leaves in it, were the tissue layered. S0
-// scaled by that, D S0 D, is nearer to S than S0.
+// with its smooth part scaled by that, S0 + D S_l D - S_l, is nearer to S than S0.
 #pragma once
 
 #include <Eigen/Core>
