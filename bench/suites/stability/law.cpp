@@ -23,7 +23,7 @@ constexpr double kStallS = 0.2, kStallLateS = 0.1;  // with stalls, answers are 
 constexpr double kUntoldM = 0.05;                   // of it and beyond the law says nothing
 constexpr double kOfServoBound = 0.9;
 constexpr double kHalfMin = 0.95, kOneMin = 0.99;  // of the ticks
-constexpr double kGivenMax = 0.01;                    // of what was held: what a law is off by
+constexpr double kGivenMax = 0.01;                 // of what was held: what a law is off by
 constexpr double kRoundingJ = 1e-12;
 constexpr double kOverAllowed = 1.1;  // as lift.cpp's
 
@@ -179,8 +179,7 @@ void measure_lifts(bool quick, Figures& figures, Promises& promises) {
   promises.push_back({"law_changes_and_long_stalls_most_given_back_beyond_what_was_paid_for",
                       by_law.over_paid, kOverAllowed, "of K T/2"});
   promises.push_back({"law_lifts_degraded", double(steady.degraded), 0, "trials"});
-  promises.push_back(
-      {"law_lifts_least_left_in_a_ledger", everywhere.min_ledger_j, -kRoundingJ, "J", false});
+  promises.push_back({"law_lifts_least_left_in_a_ledger", everywhere.min_ledger_j, -kRoundingJ, "J", false});
   promises.push_back({"law_lifts_force_reached_over_the_largest", everywhere.max_force, 0.9, "", false});
 }
 
