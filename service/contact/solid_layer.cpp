@@ -182,6 +182,13 @@ std::optional<TouchJob> SolidLayer::wanted(const Fingertip& tip, const TouchPose
 // Asks for corrections until the time is up, or no more helps. One that is begun ends.
 bool SolidLayer::correct(const Fingertip& tip, const TouchPose& pose, Clock::time_point until) {
   Corrector& corrector = nodes_->corrector;
+  const auto done_with = [&] {
+    try {
+      return settled(answered(tip, pose).solve);
+    } catch (const std::domain_error&) {  // the nodes have no contact, which the answer says
+      return true;
+    }
+  };
   for (std::size_t corrections = 0; corrections < choices::kMaxCorrections; ++corrections) {
     const std::uint64_t done = corrector.done();
     const bool waits = Clock::now() < until;
@@ -189,7 +196,7 @@ bool SolidLayer::correct(const Fingertip& tip, const TouchPose& pose, Clock::tim
     corrector.ask(tip, waits ? TouchPose{pose.position_m} : pose);
     if (!waits) return false;
     corrector.wait_for_more_than(done, until + choices::kLongestSolve);
-    if (settled(answered(tip, pose).solve)) return true;
+    if (done_with()) return true;
     if (const auto failure = corrector.failure()) std::rethrow_exception(failure);  // it was waited for
   }
   return true;

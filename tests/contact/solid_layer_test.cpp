@@ -187,6 +187,14 @@ TEST(SolidLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
   EXPECT_FALSE(answer.solve.converged);
   EXPECT_GT(answer.solve.relative_error, 0.5);
   EXPECT_STREQ(answer.solve.reason, kNoContactReason);
+  // What a shallower touch leaves is a guess of contact there, which the correction takes away.
+  const auto layer = hard.layer({}, way(), {});
+  for (const double deep_m : {0.001, 0.002, 0.003, 0.004}) {
+    const TouchPose pose{{0.032, deep_m, 0.032}};
+    if (const auto job = layer->wanted(kTip, pose, 0))
+      EXPECT_NO_THROW(job->work(TouchedLayer::Clock::now() + choices::kLongestSolve)) << deep_m;
+    EXPECT_LT(layer->answer(kTip, pose).force_n[1], 0) << deep_m;
+  }
 }
 
 // GIVEN a lump that shares are off by more at than is allowed, WHEN it is touched before the nodes are
