@@ -15,7 +15,7 @@
 #include "common/small_file.h"
 
 namespace teletact {
-// Made at build time by kernels/embed.cmake: every .cl and .clh by file name.
+// Made at build time by cmake/embed.cmake: every .cl and .clh by file name.
 const std::vector<std::pair<std::string_view, std::string_view>>& embedded_kernels();
 }  // namespace teletact
 
