@@ -35,7 +35,7 @@ struct RecordedFrameOptions {
   double tissue_depth_m = 0, tissue_width_m = 0;  // 0: the frame's
   // 0: the service's default
   teletact::v1::ModulusMethod modulus_method = teletact::v1::MODULUS_METHOD_UNSPECIFIED;
-  double modulus_time_limit_s = 20;  // nobody waits with a finger: until it has settled
+  double modulus_time_limit_s = 60;  // nobody waits with a finger: until it has settled
   // Unspecified: a solid, or plane strain where a method of planes is given.
   teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;
   double probe_elevation_m = 0;  // of a solid; 0: by the contact area, or fitted

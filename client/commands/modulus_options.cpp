@@ -40,8 +40,8 @@ void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& t
             "the time leaves); a solid has its own");
   command
       .add_option("--modulus-time-limit-s", time_limit_s,
-                  "an iterative modulus begins no step that would end later, and returns its best; a service "
-                  "takes 60 s at most unless its limits say otherwise")
+                  "work on the modulus, counted before it begins in seconds of a usual core; a service takes 60 s "
+                  "at most unless its limits say otherwise")
       ->check(above_zero())
       ->default_str(time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "what the finger leaves");
 }

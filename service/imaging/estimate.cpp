@@ -33,15 +33,6 @@ class StageClock {
   double start_s_ = worked_s();
 };
 
-// The time that is left now for a modulus that was begun then.
-ModulusTime time_of(const ModulusChoice& choice, double begun_s) {
-  ModulusTime time = choice.time ? choice.time() : ModulusTime{};
-  if (!choice.time_limit_s) return time;
-  const double left_s = *choice.time_limit_s - (worked_s() - begun_s);
-  if (left_s < time.left_s.value_or(HUGE_VAL)) time.left_s = left_s, time.words = "modulus_time_limit_s";
-  return time;
-}
-
 // Any textured frame; `stretch` moves its samples apart, so that the pair shows strain.
 RfFrame texture(std::size_t samples, std::size_t lines, double stretch) {
   RfFrame frame{samples, lines, std::vector<float>(samples * lines)};
@@ -175,21 +166,20 @@ void Elastography::set_max_strain(double max_strain) {
 }
 
 ModulusPlan Elastography::plan(const ModulusInput& input, const ModulusChoice& choice,
-                               const ModulusTime& time, std::optional<ModulusEstimate>& reference) {
+                               std::optional<ModulusEstimate>& reference) {
   if (input.tissue.plane == Plane::kSolid) return {ModulusKind::kSolid};
   if (choice.kind) return {*choice.kind};
   reference = uncorrected_->estimate(input);
   return plan_modulus(choice.need, noise_of(input.measured),
                       unevenness(reference->youngs_modulus, reference->background, input.measured.grid),
-                      time);
+                      input.budget);
 }
 
 ModulusEstimate Elastography::find_modulus(ModulusInput input, const ModulusChoice& choice) {
-  const auto time = [&choice, begun_s = worked_s()] { return time_of(choice, begun_s); };
-  if (time().left_s) input.seconds_left = [&time] { return *time().left_s; };
+  if (choice.budget) input.budget = choice.budget();
   try {
     std::optional<ModulusEstimate> reference;
-    const ModulusPlan plan = this->plan(input, choice, time(), reference);
+    const ModulusPlan plan = this->plan(input, choice, reference);
     input.tolerance = plan.tolerance;
     if (reference) input.reference = &*reference;
     ModulusEstimate out = modulus_.at(static_cast<std::size_t>(plan.kind))->estimate(input);

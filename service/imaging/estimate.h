@@ -30,12 +30,10 @@ struct ElastographyOptions {
 };
 
 struct ModulusChoice {
-  std::optional<ModulusKind> kind = {};     // empty: as it is planned (modulus_plan.h)
-  std::optional<double> time_limit_s = {};  // for the modulus alone, > 0; empty: what `time` leaves
+  std::optional<ModulusKind> kind = {};  // empty: as it is planned (modulus_plan.h)
   ModulusNeed need = {};
-  // Asked when the strain is known and between the steps of an iteration: it may leave less by then. Empty:
-  // nobody waits.
-  std::function<ModulusTime()> time = {};
+  // Asked once, when the strain is known. Empty: all.
+  std::function<ModulusBudget()> budget = {};
 };
 
 enum class Stage { kDisplacement, kStrain, kModulus };
@@ -97,8 +95,7 @@ class Elastography {
   void judge_tracking(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
   ModulusEstimate find_modulus(ModulusInput, const ModulusChoice&);
   // The method, where none is named; `reference`: the modulus that was found on the way.
-  ModulusPlan plan(const ModulusInput&, const ModulusChoice&, const ModulusTime&,
-                   std::optional<ModulusEstimate>& reference);
+  ModulusPlan plan(const ModulusInput&, const ModulusChoice&, std::optional<ModulusEstimate>& reference);
 
   Queue queue_;
   std::shared_ptr<StripCache> strips_;

@@ -12,9 +12,10 @@
 #include <cstddef>
 #include <mutex>
 #include <optional>
+#include <string>
 
 #include "service/base/choices.h"
-#include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/modulus_plan.h"
 
 namespace teletact::service {
 
@@ -23,13 +24,17 @@ struct EstimateSize {
   double max_strain = choices::kMaxStrain;
   double window_width_m = 0, depth_m = 0;
   ModulusKind method = ModulusKind::kIterative;
-  double modulus_time_limit_s = HUGE_VAL;  // of the iterative method
+  double modulus_time_limit_s = HUGE_VAL;  // counted at what a usual core takes (usual_modulus)
   bool published = false;
 };
+
+// On an idle core of 2024. A limit of time is counted at these, so that it leaves the same on every machine.
+ModulusCost usual_modulus(const EstimateSize&);
 
 struct EstimateSeconds {
   double tracking = 0, modulus = 0, publishing = 0;
   double start = 0;  // by the direct method, where the iterative one began with it: part of the modulus's
+  int steps = 0;     // of the iterative method after that; solves of a solid
 };
 
 class EstimateCost {
@@ -39,29 +44,36 @@ class EstimateCost {
   static constexpr double kMinShare = 0.5;         // of it, that is always expected
   static constexpr double kMinShareRefused = 0.1;  // the same, once estimates were refused for long
 
+  EstimateCost();
+
   double expected_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
-  // The same of its parts: of the modulus by each method (by ModulusKind), and of what is published.
-  std::array<double, 4> expected_modulus_s(const EstimateSize&,
-                                           Time now = std::chrono::steady_clock::now()) const;
+  // With the quickest modulus that may answer it; `planned`: by reference stress, too.
+  double min_s(const EstimateSize&, bool planned, Time now = std::chrono::steady_clock::now()) const;
+  // What there is time for, by what was measured, however long ago; but that it begins at all is tried again.
+  ModulusBudget budget(const EstimateSize&, double left_s, const std::string& why,
+                       Time now = std::chrono::steady_clock::now()) const;
   double expected_publishing_s(const EstimateSize&, Time now = std::chrono::steady_clock::now()) const;
   // One was refused that had `left_s` seconds. What could not even by itself be done in the least that is
   // ever expected says nothing of what is expected, and does not count.
   void refused(const EstimateSize&, double left_s, Time now = std::chrono::steady_clock::now());
-  // One was tried and was not done in its time: what was measured holds again.
-  void late(Time now = std::chrono::steady_clock::now());
+  // One was tried and was not done in its time, after so much work: what was measured holds again, and an
+  // estimate takes as much at least.
+  void late(const EstimateSize&, double worked_s, Time now = std::chrono::steady_clock::now());
   // The parts that were done; 0: was not, though it was tried.
   void took(const EstimateSize&, const EstimateSeconds&, Time now = std::chrono::steady_clock::now());
 
  private:
   struct Rate {
-    double s_per_work;
+    double s_per_work = 0;
     bool measured = false;
     void learn(double seconds, double work);
   };
   double measured_s(const EstimateSize&) const;  // under the lock, as below
-  double modulus_s(const EstimateSize&, ModulusKind) const;
+  double modulus_s(const EstimateSize&) const;
+  double beside_modulus_s(const EstimateSize&) const;
+  ModulusCost modulus_cost(const EstimateSize&, double share) const;
   double publishing_s(const EstimateSize&) const;
-  void learn_modulus(ModulusKind, double seconds, double work);
+  Rate& rate(ModulusKind kind) { return modulus_[static_cast<std::size_t>(kind)]; }
   double believed(Time now) const;  // share of what was measured
   mutable std::mutex mutex_;
   Time measured_ = std::chrono::steady_clock::now();
@@ -72,7 +84,8 @@ class EstimateCost {
   std::optional<Refusals> refused_;  // since then
   // Those of a slow core, until something was measured.
   Rate tracking_{6e-7}, publishing_{1e-10};
-  std::array<Rate, 4> modulus_{{{1e-9}, {3.6e-10}, {1e-9}, {2e-9}}};  // by ModulusKind
+  std::array<Rate, 4> modulus_;     // by ModulusKind
+  double steps_ = 5, solves_ = 25;  // that an estimate takes
 };
 
 }  // namespace teletact::service

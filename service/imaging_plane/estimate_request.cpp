@@ -19,7 +19,7 @@ EstimateSize EstimateRequest::size() const {
           window_width_m(),
           tissue.depth_m,
           solid ? ModulusKind::kSolid : modulus.kind.value_or(ModulusKind::kIterative),
-          modulus.time_limit_s.value_or(max_modulus_s),
+          modulus_time_limit_s.value_or(max_modulus_s),
           scene != nullptr};
 }
 
@@ -117,8 +117,8 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
     require_between("acquisition.probe_elevation_m", r.tissue.probe_elevation_m, limits.min_probe_elevation_m,
                     limits.max_probe_elevation_m,
                     "give the length of the probe's face across the image plane, in m");
-  if (r.modulus.time_limit_s)
-    require_between("acquisition.modulus_time_limit_s", *r.modulus.time_limit_s, limits.min_modulus_time_s,
+  if (r.modulus_time_limit_s)
+    require_between("acquisition.modulus_time_limit_s", *r.modulus_time_limit_s, limits.min_modulus_time_s,
                     limits.max_modulus_time_s, "leave it out for what the force needs and the time leaves");
   r.max_modulus_s = limits.max_modulus_time_s;
   if (r.max_strain == 0) r.max_strain = choices::kMaxStrain;

@@ -21,8 +21,9 @@ struct EstimateRequest : EstimateInput {
   std::size_t sample_count = 0, line_count = 0;
   double force_std_n = 0, contact_area_std_m2 = 0;
   double max_strain = 0;
-  double max_modulus_s = HUGE_VAL;  // that it may take in any case
-  std::shared_ptr<Scene> scene;     // null: nothing is published
+  std::optional<double> modulus_time_limit_s;  // > 0
+  double max_modulus_s = HUGE_VAL;             // that it may take in any case
+  std::shared_ptr<Scene> scene;                // null: nothing is published
   double window_x_m = 0;
   // Of a solid: whose slices tell how the tissue goes on across the image; where its left border lies there.
   struct SceneSlice {

@@ -16,7 +16,7 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
-// The rest is for its way here, and for a last step that takes longer than those before.
+// The rest is for its way here.
 constexpr double kOfCrossing = 0.85;
 
 }  // namespace
@@ -82,21 +82,26 @@ double ImagingLane::done_in_s(const EstimateRequest& request, const JobTerms& as
 }
 
 double ImagingLane::min_s(const EstimateRequest& request) const {
-  EstimateSize size = request.size();
-  if (request.planned()) size.method = ModulusKind::kReferenceStress;
-  return cost_.expected_s(size);
+  return cost_.min_s(request.size(), request.planned());
 }
 
-// A window every so often is asked for by a finger that moves on (T1), from when it does; nobody waits for it
-// before, so that others' turns do not count. What is of use until a deadline only leaves less with every one
-// of them.
-ModulusTime ImagingLane::modulus_time(const EstimateRequest& r, const JobTerms& terms, double begun_s) const {
-  ModulusTime time{{}, {}, cost_.expected_modulus_s(r.size())};
-  const double publishing_s = cost_.expected_publishing_s(r.size());
-  const auto leave = [&time](double left_s, std::string words) {
-    if (left_s < time.left_s.value_or(HUGE_VAL)) time.left_s = left_s, time.words = std::move(words);
+// What a limit leaves is counted, and the same on every machine; what a finger or a deadline leaves, by what
+// estimates take here. A window every so often is asked for by a finger that moves on (T1), from when it
+// does; nobody waits for it before, so that others' turns do not count. What is of use until a deadline only
+// leaves less with every one of them.
+ModulusBudget ImagingLane::modulus_budget(const EstimateRequest& r, const JobTerms& terms,
+                                          double begun_s) const {
+  const EstimateSize size = r.size();
+  ModulusBudget budget = usual_modulus(size).within(
+      size.modulus_time_limit_s,
+      fmt::format("{} allows {:.3g} s", r.modulus_time_limit_s ? "modulus_time_limit_s" : "the service",
+                  size.modulus_time_limit_s));
+  const double publishing_s = cost_.expected_publishing_s(size);
+  const auto leave = [&](double left_s, const std::string& words) {
+    const std::string why = fmt::format("{:.2f} s are left of {}", std::max(0.0, left_s), words);
+    budget.restrict_to(cost_.budget(size, left_s, why));
   };
-  if (r.scene && !r.modulus.time_limit_s) {
+  if (r.scene && !r.modulus_time_limit_s) {
     const auto& v = r.scene->finger().now().velocity_m_s;
     const double speed = std::max(choices::kSlowFinger, std::hypot(v[0], v[1], v[2])),
                  window_s = kOfCrossing * r.window_width_m() / speed;
@@ -106,7 +111,7 @@ ModulusTime ImagingLane::modulus_time(const EstimateRequest& r, const JobTerms& 
   }
   if (terms.deadline != JobTerms::Time::max())
     leave(Seconds(terms.deadline - Clock::now()).count() - publishing_s, "what it is to be finished within");
-  return time;
+  return budget;
 }
 
 void ImagingLane::refuse_the_hopeless(const EstimateRequest& request, const JobTerms& asked) {
@@ -122,7 +127,7 @@ JobTerms ImagingLane::admit(const EstimateRequest& request, const JobTerms& aske
   const auto late = [&] {
     return workers_.done_in_s(terms) > Seconds(terms.deadline - Clock::now()).count();
   };
-  if (request.planned() && late()) terms.cost_s = min_s(request);
+  if (late()) terms.cost_s = min_s(request);
   require_in_time(
       request, terms, workers_.done_in_s(terms),
       "not to be done in time beside what is being served; it could be done in {:.1f} s: allow so "
@@ -140,6 +145,7 @@ EstimateOutcome ImagingLane::estimate(const EstimateRequest& request, const JobT
                                       Clock::time_point received, const std::function<Frames()>& unpack,
                                       const std::function<void(Stage)>& ended) {
   const double queued_s = Seconds(Clock::now() - received).count(), waited_before_s = waited_s();
+  const double begun_s = worked_s();
   const Frames frames = unpack();
   recovery_.require();
   const std::shared_ptr<Device> device = device_;
@@ -150,7 +156,7 @@ EstimateOutcome ImagingLane::estimate(const EstimateRequest& request, const JobT
     outcome.received_to_published_s = Seconds(Clock::now() - received).count();
     return outcome;
   } catch (const Error& error) {
-    if (error.kind == ErrorKind::kDeadline) cost_.late();
+    if (error.kind == ErrorKind::kDeadline) cost_.late(request.size(), worked_s() - begun_s);
     throw;
   } catch (const DeviceMemoryError&) {  // says nothing of the device
     throw;
@@ -170,18 +176,19 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
   EstimateInput in(r);
   if (r.scene) in.known = known_modulus(r.scene->snapshot()->map);
   if (r.slice_of) in.beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
-  in.modulus.time_limit_s = r.modulus.time_limit_s.value_or(r.max_modulus_s);
   if (r.force) in.modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
   if (r.scene) in.modulus.need.tolerance = r.scene->finger().tolerance();
   {
     const auto engine = engines_.borrow(terms.client);
     engine->charge_to({memory_, terms.client});
     engine->set_max_strain(r.max_strain);
-    in.modulus.time = [&, begun_s = worked_s()] { return modulus_time(r, terms, begun_s); };
+    in.modulus.budget = [&, begun_s = worked_s()] { return modulus_budget(r, terms, begun_s); };
     outcome.estimate = engine->estimate(frames.first, frames.second, in, {ended});
   }
   const Estimate& e = outcome.estimate;
-  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus.start_s};
+  EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus.start_s,
+                       e.modulus.iterations};
+  if (e.modulus.kind == ModulusKind::kSolid) took.steps = e.modulus.solves;
   if (r.scene) {
     const double begun_s = worked_s();
     require_here(r);
@@ -189,7 +196,7 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
     took.publishing = outcome.publish_s = worked_s() - begun_s;
   }
   EstimateSize size = r.size();
-  size.method = e.modulus.kind;
+  size.method = e.modulus.start_s > 0 ? ModulusKind::kIterative : e.modulus.kind;
   cost_.took(size, took);
   return outcome;
 }

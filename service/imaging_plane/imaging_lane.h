@@ -84,7 +84,7 @@ class ImagingLane {
   JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
   // The least that it could work, s: by the quickest method where none is named.
   double min_s(const EstimateRequest&) const;
-  ModulusTime modulus_time(const EstimateRequest&, const JobTerms&, double begun_s) const;
+  ModulusBudget modulus_budget(const EstimateRequest&, const JobTerms&, double begun_s) const;
   // Throws Error(kUnavailable) for what would be published in a scene that another device took over.
   void require_here(const EstimateRequest&) const;
   // Throws Error(kDeadline) with `words`, which show in how long it could be done, unless that is in time.

@@ -130,7 +130,7 @@ EstimateRequest stated_in(const v1::Acquisition& in, const Scenes& scenes) {
                     in.poisson_ratio(),  plane_from(in.plane()), in.probe_elevation_m()};
   request.max_strain = in.max_strain();
   request.modulus.kind = modulus_kind_from(in.modulus_method());
-  if (in.modulus_time_limit_s() != 0) request.modulus.time_limit_s = in.modulus_time_limit_s();
+  if (in.modulus_time_limit_s() != 0) request.modulus_time_limit_s = in.modulus_time_limit_s();
   request.finish_within_s = in.finish_within_s();
   if (in.has_publish()) {
     request.scene = scenes.find(in.publish().scene_id());

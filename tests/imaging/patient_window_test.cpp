@@ -26,13 +26,7 @@ client::Tissue tissue() {
   return t;
 }
 
-struct Setting {
-  client::RfFrame frame;
-  std::optional<double> time_limit_s;  // of the modulus; empty: the product's, which a busy machine uses up
-};
-
-Estimate estimate(const client::Tissue& t, const Setting& setting) {
-  const client::RfFrame frame = setting.frame;
+Estimate estimate(const client::Tissue& t, client::RfFrame frame) {
   static const client::Patient patient(t);
   const client::ProbeState probe = patient.press(kWindowM, kPushM);
   const client::RfPair rf = client::with_noise(client::simulate_rf(t, probe, frame, 5), 6);
@@ -48,9 +42,7 @@ Estimate estimate(const client::Tissue& t, const Setting& setting) {
   return elastography.estimate(of(rf.pre), of(rf.post),
                                {g,
                                 ProbeForce{probe.force_n, probe.contact_area_m2},
-                                {t.width_m, t.depth_m, kWindowM, t.poisson_ratio},
-                                {},
-                                {std::nullopt, setting.time_limit_s}});
+                                {t.width_m, t.depth_m, kWindowM, t.poisson_ratio}});
 }
 
 double median(std::vector<double> values) {
@@ -60,7 +52,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-class PatientWindow : public ::testing::TestWithParam<Setting> {};
+class PatientWindow : public ::testing::TestWithParam<client::RfFrame> {};
 
 TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
   const client::Tissue t = tissue();
@@ -108,10 +100,7 @@ TEST_P(PatientWindow, ShowsItsInclusionsAndNothingElse) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Frames, PatientWindow,
-                         ::testing::Values(Setting{client::RfFrame::kLab, {}},
-                                           Setting{client::RfFrame::kProbe, {}},
-                                           Setting{client::RfFrame::kLab, 60.0},
-                                           Setting{client::RfFrame::kProbe, 60.0}));
+                         ::testing::Values(client::RfFrame::kLab, client::RfFrame::kProbe));
 
 }  // namespace
 }  // namespace teletact::service

@@ -72,7 +72,7 @@ TEST_F(Estimates, OfASolidSayWhatWasAssumed) {
   };
   const double one = background_pa(1), two = background_pa(2);
   EXPECT_GT(one, 0);
-  EXPECT_NEAR(two / one, 2, 0.02);  // each takes the steps that its time allows
+  EXPECT_NEAR(two / one, 2, 0.02);
 }
 
 // The same tissue twice, the second time with a force that cannot be: the summary names it, and claims less.

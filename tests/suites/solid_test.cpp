@@ -79,16 +79,10 @@ TEST(PlanSuite, EveryModelAnswersEveryPair) {
 
 class RealTissueSuite : public testing::Test {
  protected:
-  // One seed of each row, each row once. On a busy machine, too, the modulus has the time that it needs.
+  // One seed of each row, each row once.
   nlohmann::json quick(const std::string& name, const std::vector<std::string>& more) {
-    std::vector<std::string> arguments{"real-tissue",
-                                       "--quick",
-                                       "--json",
-                                       folder_ / name,
-                                       "--truth-spacing-m",
-                                       "0.002",
-                                       "--modulus-time-limit-s",
-                                       "600"};
+    std::vector<std::string> arguments{"real-tissue",  "--quick",           "--json",
+                                       folder_ / name, "--truth-spacing-m", "0.002"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const auto run = ran(arguments, folder_ / (name + ".log"));
     EXPECT_EQ(run.code, 0) << run.output;

@@ -68,17 +68,10 @@ class Imaging {
   service::StrainEstimator strain_;
 };
 
-// The time that a finger at 120 mm/s leaves the modulus of a window of 60 mm, beside tracking and publishing (T1).
-constexpr double kModulusTime = 0.35;
-
-// In that time: the promise holds for the method that is timed.
 Method ours(const std::string& name, std::shared_ptr<service::ModulusMethod> method) {
   return {name, true, kSeeds, [method](const Tracked& t) {
             const service::ProbeForce force{t.phantom.sensed_force_n, t.phantom.contact_area_m2};
-            const auto begin = Clock::now();
-            const auto left = [begin] { return kModulusTime - seconds_since(begin); };
-            return method->estimate({t.measured, t.window_width_m, t.phantom.tissue, force, {}, left})
-                .youngs_modulus;
+            return method->estimate({t.measured, t.window_width_m, t.phantom.tissue, force}).youngs_modulus;
           }};
 }
 

@@ -25,7 +25,6 @@ struct RealOptions : SuiteOptions {
   std::size_t seeds = 20;
   std::uint64_t first_seed = 1;
   std::vector<std::string> windows_of;  // --json of earlier runs
-  double time_limit_s = 20;             // of the modulus
   double spacing_m = client::kSolidSpacing;
   std::string only;       // rows whose name has it
   bool promised = false;  // what the product is held to alone
@@ -211,8 +210,7 @@ RealFigures measure(const RealOptions& options, Promises& promises) {
       const Window w = window_of(row, seed, options.spacing_m);
       show_progress(fmt::format("{}, contrast {}: seed {}, {} of {}, solved in {:.1f} s", row.name,
                                 row.contrast, seed, k + 1, seeds, w.truth_s));
-      for (const Estimator& by : all)
-        figures.windows.push_back(estimated(elastography, row, seed, w, by, options.time_limit_s));
+      for (const Estimator& by : all) figures.windows.push_back(estimated(elastography, row, seed, w, by));
     }
     for (const Estimator& by : all) {
       std::vector<RealWindow> of;
@@ -247,7 +245,6 @@ void add_real_tissue_suite(CLI::App& app, bool& met) {
   suite.add_option("--first-seed", options->first_seed, "the others follow it")->capture_default_str();
   suite.add_option("--windows-of", options->windows_of,
                    "the --json of earlier runs, whose windows are taken as well; with --seeds 0 alone");
-  suite.add_option("--modulus-time-limit-s", options->time_limit_s, "as of estimate")->capture_default_str();
   suite.add_option("--truth-spacing-m", options->spacing_m, "of the truth's nodes along the probe")
       ->check(CLI::Range(0.0005, 0.004))
       ->capture_default_str();

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kFromFaceM = 0.003, kInside = 0.7, kBeside = 1.3;
 constexpr double kStatedPoissonRatio = 0.49;  // whatever is true
-constexpr std::size_t kMaxInMean = 400;      // nodes in the variance of a mean
+constexpr std::size_t kMaxInMean = 400;       // nodes in the variance of a mean
 
 // What is stated of the tissue: its width where the probe is narrower, the depth that is imaged.
 service::TissueExtent plane_strain(const Window& w) {
@@ -40,8 +40,7 @@ service::TissueExtent solid_fitted(const Window& w) {
   return extent;
 }
 
-service::Estimate estimate(service::Elastography& elastography, const Window& w, const Estimator& by,
-                           double time_limit_s) {
+service::Estimate estimate(service::Elastography& elastography, const Window& w, const Estimator& by) {
   const auto frame = [&](const std::vector<std::int16_t>& samples) {
     return service::RfFrame{
         w.rf.geometry.sample_count, w.rf.geometry.line_count, {samples.begin(), samples.end()}};
@@ -51,12 +50,9 @@ service::Estimate estimate(service::Elastography& elastography, const Window& w,
   g.sampling_frequency_hz = w.tissue.ultrasound.sampling_frequency_hz;
   g.sound_speed_m_s = w.tissue.ultrasound.sound_speed_m_s;
   g.line_pitch_m = w.rf.geometry.line_pitch_m;
-  return elastography.estimate(frame(w.rf.pre), frame(w.rf.post),
-                               {g,
-                                service::ProbeForce{w.sensed_force_n, w.state.contact_area_m2},
-                                by.extent(w),
-                                {},
-                                {std::nullopt, time_limit_s}});
+  return elastography.estimate(
+      frame(w.rf.pre), frame(w.rf.post),
+      {g, service::ProbeForce{w.sensed_force_n, w.state.contact_area_m2}, by.extent(w)});
 }
 
 // Median of what the tracked axial displacement is off by, where it is trusted.
@@ -161,14 +157,13 @@ std::vector<Estimator> estimators() {
 }
 
 RealWindow estimated(service::Elastography& elastography, const RealRow& row, std::uint64_t seed,
-                     const Window& w, const Estimator& by, double time_limit_s) {
+                     const Window& w, const Estimator& by) {
   RealWindow out;
   service::Estimate e;
   double seconds = 0;
   try {
     const double processor_s = processor_seconds_of(
-        [&] { seconds = seconds_of([&] { e = estimate(elastography, w, by, time_limit_s); }); },
-        CLOCK_PROCESS_CPUTIME_ID);
+        [&] { seconds = seconds_of([&] { e = estimate(elastography, w, by); }); }, CLOCK_PROCESS_CPUTIME_ID);
     out = judge(e, w);
     out.seconds = seconds, out.processor_s = processor_s, out.modulus_s = e.modulus_s;
     std::set<std::string> said;

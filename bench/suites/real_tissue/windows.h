@@ -62,6 +62,6 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealWindow, row, estimator, contrast_of_lump,
 
 // An estimate that fails is said, and refused.
 RealWindow estimated(service::Elastography& elastography, const RealRow& row, std::uint64_t seed,
-                     const Window& w, const Estimator& by, double time_limit_s);
+                     const Window& w, const Estimator& by);
 
 }  // namespace teletact::bench

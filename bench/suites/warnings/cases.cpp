@@ -168,8 +168,7 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   };
   row("force twice what neighbours say", {{ModulusFlag::kScale, true}}, beside(0.5));
   row("gain within 3 % beside neighbours", {{ModulusFlag::kScale, false}}, beside(1));
-  row("no time", {{ModulusFlag::kDeadline, true}},
-      changed([](WarnedWindow& w) { w.seconds_left = [] { return 0.0; }; }));
+  row("no time", {{ModulusFlag::kDeadline, true}}, changed([](WarnedWindow& w) { w.budget.solves = 0; }));
   const DrawnCase deep{}, shallow{.contrast = 3,
                                   .diameter_m = 0.003,
                                   .strain = 0.01,

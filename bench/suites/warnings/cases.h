@@ -23,7 +23,7 @@ struct WarnedWindow {
   service::TissueExtent tissue;
   std::optional<service::ProbeForce> force;
   service::KnownModulus known;
-  std::function<double()> seconds_left;
+  service::ModulusBudget budget;
   service::ModulusKind kind = service::ModulusKind::kSolid;
   double background_pa = 10e3;
 };

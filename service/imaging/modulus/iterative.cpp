@@ -16,14 +16,11 @@ namespace teletact::service {
 namespace {
 
 using Eigen::VectorXd;
-// A step takes about as long as so many forward solves, and so does what says how well its answer is known.
-constexpr double kStepSolves = 4, kPosteriorSolves = 4;
-
 constexpr float kMinDeviationM = 0.3e-6f;
 constexpr double kLargestMisfit = 6;  // mean square of (modelled - measured) / deviation; above it kMisfit
 // A start needs no more. Corrected on, beside an inclusion that goes on beyond the window, it once came with
 // one of its own (demo, patient 3), and the steps did not take that away; the direct method stops there by
-// itself since, but each correction takes the time of a step, and .35 s are all.
+// itself since, but each correction takes the time of a step.
 constexpr DirectOptions kStart{.max_corrections = 1};
 
 class Iterative : public ModulusMethod {
@@ -62,19 +59,15 @@ class Iterative : public ModulusMethod {
     return theta;
   }
 
-  // Gauss-Newton with halved steps where the objective does not fall, as long as time is left for one more.
+  // Gauss-Newton with halved steps where the objective does not fall.
   ModulusProblem::Point iterate(ModulusProblem& problem, const ModulusInput& in, const StripModel& model,
                                 const VectorXd& start, ModulusEstimate& out) const {
-    const auto left = [&in] { return in.seconds_left ? in.seconds_left() : 1e9; };
-    const double begun = left();
     ModulusProblem::Point best = problem.at(start);
-    const double solve_s = begun - left(), kept_s = kPosteriorSolves * solve_s;
-    double longest_s = kStepSolves * solve_s, factor = 1;
+    double factor = 1;
     out.converged = false;
     VectorXd step;
-    for (out.iterations = 0; out.iterations < kMaxSteps && !out.converged;) {
-      const double before = left();
-      if (before <= longest_s + kept_s) break;
+    const int steps = std::min(kMaxSteps, in.budget.steps);
+    for (out.iterations = 0; out.iterations < steps && !out.converged;) {
       if (factor == 1) step = problem.step(best);
       ModulusProblem::Point next = problem.at(best.theta + factor * step);
       ++out.iterations;
@@ -85,25 +78,28 @@ class Iterative : public ModulusMethod {
       } else {
         factor *= 0.5;
       }
-      longest_s = std::max(longest_s, before - left());
     }
     return factor == 1 ? best : problem.at(best.theta);
   }
 
-  static std::string unsettled(int steps) {
+  static std::string unsettled(int steps, const ModulusBudget& budget) {
     if (steps == 0)
-      return "there was no time for a step of the iterative method: this is the direct method's modulus; "
-             "allow more time";
-    constexpr const char* kBest = ", before it had settled: this is the best so far";
+      return fmt::format(
+          "there was no time for a step of the iterative method ({}): this is the direct "
+          "method's modulus; allow more time",
+          budget.why_steps);
+    constexpr const char* kBest = "before it had settled: this is the best so far";
     if (steps < kMaxSteps)
-      return fmt::format("the iterative modulus was stopped in time after {} steps{}; allow more time", steps,
-                         kBest);
-    return fmt::format("the iterative modulus was stopped after {} steps, the most{}", steps, kBest);
+      return fmt::format(
+          "there was time for {} step(s) of the iterative method ({}); they ended {}; allow more "
+          "time",
+          steps, budget.why_steps, kBest);
+    return fmt::format("the iterative modulus was stopped after {} steps, the most, {}", steps, kBest);
   }
 
   void publish(const ModulusInput& in, const StripModel& model, ModulusProblem& problem,
                const ModulusProblem::Point& best, ModulusEstimate& out) const {
-    if (!out.converged) out.warn(ModulusFlag::kDeadline, "{}", unsettled(out.iterations));
+    if (!out.converged) out.warn(ModulusFlag::kDeadline, "{}", unsettled(out.iterations, in.budget));
     if (out.iterations == 0) {
       out.kind = ModulusKind::kDirect;
       return;

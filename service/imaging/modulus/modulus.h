@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -22,15 +22,27 @@
 
 namespace teletact::service {
 
+// Work that an estimate of the modulus may do, counted before it begins. What it finds does not depend on how
+// long that takes.
+struct ModulusBudget {
+  static constexpr int kAll = std::numeric_limits<int>::max();
+  bool start = true;  // the direct method, which the iterative one begins with
+  int steps = kAll;   // of the iterative method after that
+  int solves = kAll;  // of a solid: pushes of its forward model
+  // For people, why not all of them; of a budget without a start: why there is none.
+  std::string why_steps{}, why_solves{};
+
+  // The less of both, and why that.
+  void restrict_to(const ModulusBudget&);
+};
+
 struct ModulusInput {
   const Measured& measured;
   double window_width_m;  // lines * pitch: the probe's face
   TissueExtent tissue;
   std::optional<ProbeForce> force;  // absent: relative modulus
   KnownModulus known;               // by other windows; empty: unknown; not used for a relative modulus
-  // Seconds that are left for the modulus, asked between the steps of an iteration; empty: no limit. What a
-  // limit comes nearer meanwhile counts as if the step had taken it.
-  std::function<double()> seconds_left = {};
+  ModulusBudget budget = {};
   // Error of log E that is allowed: an iteration has settled once its steps change a third of it.
   double tolerance = 0.03;
   // The estimate of make_reference_stress() without corrections, where it is known: the direct method begins
@@ -53,7 +65,7 @@ enum class ModulusFlag {
   kExtent,      // much of the window is no background: its contrast comes back short
   kScale,       // the modulus is another by a factor than the neighbours told: a wrong force
   kMisfit,      // no modulus explains the displacement within its noise
-  kDeadline,    // the iteration was stopped
+  kDeadline,    // there was no time for all of its work, or it did not settle
 };
 const char* name_of(ModulusFlag);  // in words of the log: "noise", "wrong-force"
 struct ModulusWarning {
@@ -69,6 +81,7 @@ struct ModulusEstimate {
   ModulusKind kind = ModulusKind::kReferenceStress;
   bool converged = true;
   int iterations = 0;
+  int solves = 0;      // of a solid's forward model
   double start_s = 0;  // of work, that the direct method took where an iteration began with it
   std::vector<ModulusWarning> warnings;
   bool absolute = false;
@@ -128,7 +141,7 @@ std::unique_ptr<ModulusMethod> make_direct(Queue, DirectOptions,
 //   1/2 |(S u(E) a + b - d) / sigma|^2 + alpha TV(log E) + prior.
 // Gauss-Newton with the adjoint's gradient, inner conjugate gradients on J^T J + alpha L (lagged
 // diffusivity), started from the direct method. Boundary: the flat probe's face and the bonded bottom as
-// measured, the sensor's traction for the scale. Stops at `seconds_left` with the best so far and says so.
+// measured, the sensor's traction for the scale. Says so if it has not settled after the budget's steps.
 std::unique_ptr<ModulusMethod> make_iterative(Queue,
                                               std::shared_ptr<StripCache> = std::make_shared<StripCache>());
 

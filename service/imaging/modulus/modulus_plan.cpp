@@ -21,7 +21,27 @@ std::string percent(double part) {
   return fmt::format("{:.1f} %", 100 * part);
 }
 
+int count(double times) {
+  return static_cast<int>(std::clamp(times, 0.0, 1e6));
+}
+
 }  // namespace
+
+void ModulusBudget::restrict_to(const ModulusBudget& other) {
+  if (other.start < start || (other.start == start && other.steps < steps)) why_steps = other.why_steps;
+  if (other.solves < solves) why_solves = other.why_solves;
+  start = start && other.start, steps = std::min(steps, other.steps), solves = std::min(solves, other.solves);
+}
+
+ModulusBudget ModulusCost::within(double left_s, const std::string& why) const {
+  constexpr double kLonger = 1.25;  // than expected
+  // What says how well its answer is known takes as long as a step.
+  ModulusBudget out{direct_s <= left_s, count((left_s - direct_s) / (kLonger * step_s) - 1),
+                    count(left_s / (kLonger * solve_s)), why, why};
+  if (!out.start)
+    out.why_steps += fmt::format(", and the iterative method takes {:.2f} s at least", direct_s);
+  return out;
+}
 
 Unevenness unevenness(const Field& modulus, double background, const ImageGrid& grid) {
   const auto nodes = [](double spacing_m) {
@@ -62,11 +82,10 @@ double expected_error(ModulusKind kind, const Unevenness& uneven, double noise) 
 }
 
 ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness& uneven,
-                         const ModulusTime& time) {
+                         const ModulusBudget& budget) {
   const double tolerance = std::max(need.tolerance, std::min(need.common / 2, kMaxTolerance));
   const double reference = expected_error(ModulusKind::kReferenceStress, uneven, noise),
                iterative = expected_error(ModulusKind::kIterative, uneven, noise);
-  const double start_s = time.expected_s[static_cast<std::size_t>(ModulusKind::kDirect)];
   std::string allowed = fmt::format("{} is allowed", percent(tolerance));
   if (tolerance > need.tolerance)
     allowed += fmt::format(": force sensor and contact area leave {} open", percent(need.common));
@@ -79,14 +98,13 @@ ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness
       noise > kMaxNoise
           ? fmt::format("the strain's noise of {} is too much to say by how much it is off", percent(noise))
           : "too little was measured to say by how much it is off";
-  if (time.left_s && start_s > *time.left_s) {
+  if (!budget.start) {
     if (known)
       off = fmt::format(
           "reference stress may put the force that a finger feels off by {} here, the iterative method by {}",
           percent(reference), percent(iterative));
     return {ModulusKind::kReferenceStress, tolerance,
-            fmt::format("{:.2f} s are left of {}, and the iterative method takes {:.2f} s at least; {}; {}",
-                        std::max(0.0, *time.left_s), time.words, start_s, off, allowed)};
+            fmt::format("{}; {}; {}", budget.why_steps, off, allowed)};
   }
   if (known)
     off = fmt::format("the iterative method may put the force that a finger feels off by {} here, {}",

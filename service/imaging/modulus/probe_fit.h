@@ -3,7 +3,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -18,6 +17,10 @@ namespace teletact::service {
 
 // Over so much of the image tissue and model differ alike.
 inline constexpr double kAlikeM2 = 25e-6;
+
+// What is tried, decided before the first solve: nothing, what is not stated of the face, and what else may
+// explain the strain.
+enum class FitEffort { kUsual, kFitted, kDoubted };
 
 struct ProbeFit {
   std::shared_ptr<ProbedTissue> tissue;
@@ -36,17 +39,20 @@ struct ProbeFit {
   double grading = 0, graded_rest = 0;
   double level = 0;        // ln of a metre over the push that was measured
   double force_n = 0;      // on the face, of homogeneous tissue of 1 Pa, per metre of push
-  bool hurried = false;    // something was left as usual
-  bool undoubted = false;  // it leaves much unexplained, and there was no time for all that may explain it
+  bool as_usual = false;   // something that is not stated was not fitted
+  bool undoubted = false;  // it leaves much unexplained, and what may explain it was not tried
+  int solves = 0;          // of the forward model
   std::string words;       // what was assumed and what was found
 };
 
 class ProbeFitter {
  public:
   ProbeFitter(const Queue&, const StrainOptions&, std::shared_ptr<StripCache>);
-  // `elevation_m`: 0 where it is not known; `sign` of the strain that counts. What there is no time for is
-  // left as usual. Throws NoCompression, and std::invalid_argument naming the field.
-  ProbeFit fit(const ModulusInput&, double elevation_m, double sign);
+  // `elevation_m`: 0 where it is not known; `sign` of the strain that counts. Throws NoCompression, and
+  // std::invalid_argument naming the field.
+  ProbeFit fit(const ModulusInput&, double elevation_m, double sign, FitEffort);
+  // The most that fit() solves.
+  static int max_solves(const ModulusInput&, double elevation_m, FitEffort);
 
   void forget() { kept_.reset(); }
 
@@ -56,8 +62,7 @@ class ProbeFitter {
     double top_m, sign;
   };
   struct Unknown;
-  // In so many rounds, while more than that is left. False: there was no time for all of it.
-  bool search(const Pair&, Unknown&, int rounds, double min_left_s, const ModulusInput&);
+  void search(const Pair&, Unknown&, int rounds);
   // Tissue, and how it answers where it is homogeneous.
   struct Kept {
     ProbeFace face;
@@ -72,8 +77,7 @@ class ProbeFitter {
   struct Rival {
     double left, log_scale;
   };
-  void try_others(const Pair&, Unknown&, ProbeFit&, const ModulusInput&, const std::function<bool()>& late,
-                  std::vector<Rival>&);
+  void try_others(const Pair&, Unknown&, ProbeFit&, std::vector<Rival>&);
   // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
   // it, which is used where it has the same cells.
   ProbeFit tried(const Pair&, const ProbeFace&, const Eigen::VectorXd* by_tilt = nullptr, bool block = false);
@@ -81,6 +85,7 @@ class ProbeFitter {
   StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;
   std::optional<Kept> kept_;  // of the pair before
+  int solves_ = 0;
 };
 
 }  // namespace teletact::service

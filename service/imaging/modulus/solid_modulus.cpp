@@ -104,28 +104,40 @@ class SolidModulusMethod : public ModulusMethod {
     out.mean_axial_strain = mean_strain(std::move(trusted));
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
-    const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1);
+    const auto affords = [&](FitEffort effort) {
+      return in.budget.solves >= ProbeFitter::max_solves(in, elevation_m, effort) + kMaxSteps + kForceSolves;
+    };
+    const FitEffort effort = affords(FitEffort::kDoubted)  ? FitEffort::kDoubted
+                             : affords(FitEffort::kFitted) ? FitEffort::kFitted
+                                                           : FitEffort::kUsual;
+    // By what the fit may solve, not by what it did: that depends on what is kept of the pair before.
+    const int steps = std::clamp(
+        in.budget.solves - ProbeFitter::max_solves(in, elevation_m, effort) - kForceSolves, 1, kMaxSteps);
+    const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1, effort);
+    out.solves = fit.solves;
     out.lateral_ratio = fit.lateral_ratio;
     out.model = fit.words;
     const ProbedTissue::Planes beside = planes_beside(in, fit);
     if (!beside.empty())
       out.model += fmt::format("; slices of it are known from {:.1f} to {:.1f} mm across the image",
                                1e3 * beside.front().offset_m, 1e3 * beside.back().offset_m);
-    if (fit.hurried)
+    if (fit.as_usual)
       out.warn(ModulusFlag::kDeadline,
-               "the probe's elevation or the tissue's depth was not stated, and there was no time to fit it: "
-               "it is taken as usual; state it, or give more time");
+               "the probe's elevation or the tissue's depth was not stated, and there was no time to fit it "
+               "({}): it is taken as usual; state it, or give more time",
+               in.budget.why_solves);
     if (fit.undoubted)
-      out.warn(ModulusFlag::kDeadline,
-               "{:.0f} % of the strain is unexplained, and there was no time to try all of another depth, "
-               "tissue that ends beside the probe, and one that slides; give more time",
-               100 * fit.rest);
+      out.warn(
+          ModulusFlag::kDeadline,
+          "{:.0f} % of the strain is unexplained, and there was no time ({}) to try another depth, tissue "
+          "that ends beside the probe, and one that slides; give more time",
+          100 * fit.rest, in.budget.why_solves);
     if (fit.rest > kMaxRest)
       out.warn(ModulusFlag::kMisfit,
                "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it looks "
                "homogeneous; check the probe's size and the tissue's depth and support",
                100 * fit.rest);
-    const Found found = find(in, fit, beside, out);
+    const Found found = find(in, fit, beside, steps, out);
     const double log_scale = in.force ? std::log(in.force->force_n / found.force_n) : 0;
     publish(in, fit, found, log_scale, out);
     return out;
@@ -134,7 +146,7 @@ class SolidModulusMethod : public ModulusMethod {
   void forget() override { fitter_.forget(); }
 
  private:
-  static constexpr int kMaxSteps = 10;
+  static constexpr int kMaxSteps = 10, kForceSolves = 2;
   static constexpr double kConvergedStep = 0.01;  // rms change of log E over the cells
 
   struct Found {
@@ -143,7 +155,7 @@ class SolidModulusMethod : public ModulusMethod {
   };
 
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
-  Found find(const ModulusInput& in, const ProbeFit& fit, const ProbedTissue::Planes& beside,
+  Found find(const ModulusInput& in, const ProbeFit& fit, const ProbedTissue::Planes& beside, int steps,
              ModulusEstimate& out) const {
     const CellGrid& cells = fit.tissue->cells();
     const auto size = static_cast<Index>(cells.size());
@@ -156,21 +168,10 @@ class SolidModulusMethod : public ModulusMethod {
     Denoiser denoise(cells);
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;
-    double tilt = 0, tilt_deviation = 0, took_s = 0;
+    double tilt = 0, tilt_deviation = 0;
     VectorXd observed = weight, moved = VectorXd::Zero(size);
-    const auto solves_after = [&] {  // those of the force
-      return theta.maxCoeff() > kStiffLog ? 2 : in.force ? 1 : 0;
-    };
     out.converged = false;
-    while (out.iterations < kMaxSteps) {
-      const double left_s = in.seconds_left ? in.seconds_left() : HUGE_VAL;
-      if (out.iterations > 0 && left_s <= (1 + solves_after()) * took_s) {
-        out.warn(
-            ModulusFlag::kDeadline,
-            "the modulus of the solid was stopped by its time limit after {} steps, before it had settled",
-            out.iterations);
-        break;
-      }
+    while (out.iterations < steps) {
       check_cancelled();
       const auto response = fit.tissue->push(theta, tilt, beside);
       const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
@@ -199,19 +200,25 @@ class SolidModulusMethod : public ModulusMethod {
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       theta = std::move(next);
       ++out.iterations;
-      if (in.seconds_left) took_s = std::max(took_s, left_s - in.seconds_left());
       out.converged = change < kConvergedStep;
       if (out.converged) break;
     }
+    out.solves += out.iterations;
+    if (!out.converged)
+      out.warn(ModulusFlag::kDeadline, "the modulus of the solid had not settled after {} step(s){}",
+               out.iterations,
+               steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
+                                 : ", the most");
     if (std::abs(tilt) > kMaxUneven)
       out.warn(ModulusFlag::kMisfit,
                "the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to touch "
                "in part, and the modulus is off by a factor; press it flat",
                100 * std::abs(tilt), tilt > 0 ? "left" : "right");
     const bool stiff = theta.maxCoeff() > kStiffLog;
-    if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, observed, beside);
+    if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, observed, beside), ++out.solves;
     if (stiff) {
       const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, observed, beside);
+      ++out.solves;
       if (found.force_n > kMaxOfStiff * without_n)
         out.warn(
             ModulusFlag::kMisfit,

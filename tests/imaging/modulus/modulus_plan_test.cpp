@@ -18,8 +18,9 @@ const ModulusNeed kUsual{0.03, std::hypot(0.03, 0.05)};
 const Unevenness kEven{}, kLump{0.5, 0.05}, kSoft{0.02, 0.2};
 constexpr double kQuiet = 0.01;
 
-ModulusTime time_of(std::optional<double> left_s) {
-  return {left_s, "the 0.50 s of a window", {0.05, 0.1, 0.3, 1}};
+constexpr ModulusCost kCost{0.05, 0.1, 0.04, 0.02};
+ModulusBudget time_of(std::optional<double> left_s) {
+  return left_s ? kCost.within(*left_s, "0.09 s are left of the 0.50 s of a window") : ModulusBudget{};
 }
 bool says(const ModulusPlan& plan, const char* words) {
   return plan.why.find(words) != std::string::npos;
@@ -79,7 +80,7 @@ TEST(ModulusPlan, IsCheaperWhereMoreIsAllowed) {
 
 TEST(ModulusPlan, TakesTheBestThatTheTimeAllows) {
   EXPECT_EQ(plan_modulus(kUsual, kQuiet, kLump, time_of(0.11)).kind, ModulusKind::kIterative)
-      << "it stops in time";
+      << "with the steps that there is time for";
   for (const double left_s : {0.09, 0.001, -1.0}) {
     const ModulusPlan plan = plan_modulus(kUsual, kQuiet, kLump, time_of(left_s));
     EXPECT_EQ(plan.kind, ModulusKind::kReferenceStress);

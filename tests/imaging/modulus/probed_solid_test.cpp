@@ -16,6 +16,7 @@
 
 #include "service/imaging/modulus/cell_strains.h"
 #include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/probe_fit.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "tests/imaging/imaging_device.h"
 
@@ -155,10 +156,10 @@ class Pressed {
     }
   }
 
-  ModulusEstimate estimate(std::function<double()> seconds_left = {}) const {
+  ModulusEstimate estimate(const ModulusBudget& budget = {}) const {
     TissueExtent tissue{0.1, kDepthM, 0.035, 0.49, Plane::kSolid, kElevationM};
     return make_solid(imaging_device()->queue(), {})
-        ->estimate({measured, kWidthM, tissue, force, {}, std::move(seconds_left)});
+        ->estimate({measured, kWidthM, tissue, force, {}, budget});
   }
 
   Measured measured;
@@ -227,12 +228,39 @@ TEST(ProbeFit, AModulusThatFallsWithDepthIsNotTakenForSides) {
   }
 }
 
-// Trying takes time: where little is left the tissue goes on, as usual, and what is left over is said.
-TEST(ProbeFit, TriesNoSidesWithoutTheTime) {
+// Without the solves for them no sides are tried: the tissue goes on, as usual. What is left over is said,
+// and what was not tried is in the deviation.
+TEST(ProbeFit, TriesNoSidesWithoutTheSolves) {
   const Pressed pressed(face(0.014, true));
-  const ModulusEstimate e = pressed.estimate([] { return 1.0; });
+  const ModulusEstimate e = pressed.estimate({.solves = 20});
   EXPECT_FALSE(says(e, "beside the probe")) << e.model;
   EXPECT_TRUE(warned(e, ModulusFlag::kMisfit)) << e.model;
+  EXPECT_TRUE(warned(e, ModulusFlag::kDeadline)) << e.model;
+  EXPECT_LE(e.solves, 20);
+  for (const float deviation : e.log_deviation) EXPECT_FALSE(deviation < 0.3F);
+}
+
+// What an estimate finds does not depend on what is kept of the pair before, and no fit solves more than it
+// may.
+TEST(ProbeFit, CountsTheSameForAPairAsOftenAsItComes) {
+  const Pressed pressed(face(0.014, true));
+  TissueExtent tissue{0.1, kDepthM, 0.035, 0.49, Plane::kSolid, kElevationM};
+  const auto method = make_solid(imaging_device()->queue(), {});
+  const auto estimate = [&](ModulusMethod& by) {
+    return by.estimate({pressed.measured, kWidthM, tissue, pressed.force, {}, {.solves = 10}});
+  };
+  const ModulusEstimate first = estimate(*method), again = estimate(*method);
+  EXPECT_LT(again.solves, first.solves) << "the face of the pair before is kept";
+  EXPECT_EQ(again.iterations, first.iterations);
+  for (std::size_t n = 0; n < first.youngs_modulus.size(); ++n)
+    EXPECT_TRUE(again.youngs_modulus[n] == first.youngs_modulus[n] || std::isnan(first.youngs_modulus[n]));
+  for (const bool depth : {false, true}) {
+    tissue.depth_stated = depth;
+    const ModulusInput in{pressed.measured, kWidthM, tissue, std::nullopt};
+    ProbeFitter fitter(imaging_device()->queue(), {}, std::make_shared<StripCache>());
+    EXPECT_LE(fitter.fit(in, 0, -1, FitEffort::kDoubted).solves,
+              ProbeFitter::max_solves(in, 0, FitEffort::kDoubted));
+  }
 }
 
 // Where it hardly strains it would bear most of the force, if it were tissue under the face. A stiff
