@@ -184,7 +184,8 @@ void run(TouchArguments arguments, const CLI::App& command) {
                                                  {"open.fingertip.shape", "--tip"},
                                                  {"open.tactile.pitch_m", "--taxel-pitch-m"},
                                                  {"open.tolerance.relative", "--tolerance"},
-                                                 {"open.layer.depth_m", "--layer-depth-m"}}));
+                                                 {"open.layer.depth_m", "--layer-depth-m"},
+                                                 {"open.path", "--path"}}));
   }
   const nlohmann::json json = to_json(arguments.scene_id, arguments.session.renderer, summary);
   print_summary(json);

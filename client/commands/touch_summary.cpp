@@ -18,13 +18,15 @@ nlohmann::json spells(const SpellCounter& counter) {
   return {{"count", counter.count()}, {"s", counter.seconds()}};
 }
 
-// Share of the answers in contact, by the model that gave them: the contract's names.
+// Share of the answers in contact, by the model that gave them: the contract's names, OTHER where it has
+// none.
 nlohmann::json solved_by(const std::map<v1::SolvePath, std::uint64_t>& answers) {
   std::uint64_t all = 0;
   for (const auto& [path, count] : answers) all += count;
   nlohmann::json shares = nlohmann::json::object();
   for (const auto& [path, count] : answers)
-    shares[v1::SolvePath_Name(path).substr(sizeof("SOLVE_PATH_") - 1)] =
+    shares[path == v1::SOLVE_PATH_UNSPECIFIED ? "OTHER"
+                                              : v1::SolvePath_Name(path).substr(sizeof("SOLVE_PATH_") - 1)] =
         static_cast<double>(count) / static_cast<double>(all);
   return shares;
 }

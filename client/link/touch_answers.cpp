@@ -91,8 +91,7 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
     ++stats.distinct;
     stats.latencies_s.add(seconds(received_ns) - converted->sample.pose_time_s);
   }
-  if (v1::SolvePath_IsValid(answer.path()) && answer.path() != v1::SOLVE_PATH_UNSPECIFIED)
-    ++stats.solved_by[answer.path()];
+  if (answer.has_solve() && v1::SolvePath_IsValid(answer.path())) ++stats.solved_by[answer.path()];
   if (answer.has_budget()) stats.force_budget.add(answer.budget().half_width());
   last_position_m_ = converted->sample.position_m;
   stats.last_version = answer.model_version();

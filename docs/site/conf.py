@@ -39,7 +39,7 @@ CONTENTS = {
                       "/docs/reference/limits", "/docs/reference/safety",
                       "/docs/reference/environment"],
         "How it works": ["/docs/architecture", "/docs/theory", "/docs/decisions/README", "/docs/results/README"],
-        "Develop": ["/docs/develop/add-a-device", "/docs/develop/add-a-model", "/docs/develop/add-a-kernel",
+        "Develop": ["/docs/develop/add-a-device", "/docs/develop/add-a-model", "/docs/develop/add-a-kernel", "/docs/develop/add-a-refusal",
                     "/docs/develop/testing", "/docs/develop/benchmarking", "/docs/develop/packaging",
                     "/docs/develop/site", "/CHANGELOG"],
     },

@@ -249,7 +249,7 @@ void answer_to(const TouchStream::Answered& answered, std::uint64_t instance, v1
   out->set_window_id(in.window_id);
   out->set_model_version(in.model_version);
   out->set_path(path_to(in.path));
-  if (in.path != SolvePath::kAuto) {
+  if (c.state == ContactState::kContact) {
     v1::SolveReport* solve = out->mutable_solve();
     solve->set_iterations(static_cast<std::uint32_t>(c.solve.iterations));
     solve->set_true_residual(c.solve.true_residual);

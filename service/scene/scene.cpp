@@ -142,6 +142,15 @@ Layer Scene::layer_near(double depth_m) const {
         fmt::format("open.layer.depth_m: the layer at {} m is held by a support and cannot be touched; give "
                     "another depth",
                     at_top ? 0 : geometry_.depth_m));
+  constexpr double kRoundingM = 1e-6;
+  double spacing_m = 0;
+  for (std::size_t j = 1; j < layers_.size(); ++j)
+    if (layers_[j - 1] == nearest || layers_[j] == nearest)
+      spacing_m = std::max(spacing_m, layers_[j].depth_m - layers_[j - 1].depth_m);
+  if (away_m(nearest) > spacing_m / 2 + kRoundingM)
+    throw std::invalid_argument(
+        fmt::format("open.layer.depth_m: no layer lies near {} m; the nearest one is {} m deep, give that",
+                    depth_m, nearest.depth_m));
   return nearest;
 }
 

@@ -82,12 +82,13 @@ class Scene {
   const std::string& id() const { return id_; }
   const SceneGeometry& geometry() const { return geometry_; }
   const Limits& limits() const { return limits_; }
+  const TouchModels& models() const { return *models_; }
   std::shared_ptr<const SceneSnapshot> snapshot() const;
   FingerBoard& finger() { return finger_; }
   // Work that was begun for them may outlive the scene.
   const std::shared_ptr<Observers>& observers() const { return observers_; }
   // The layer nearest to this depth. Throws std::invalid_argument where a support that holds the tissue is
-  // nearer.
+  // nearer, and further from all layers than half of the distance between two.
   Layer layer_near(double depth_m) const;
 
   // Throws std::invalid_argument or Error(kPrecondition) when [begin, end) cannot be published.

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <future>
-#include <new>
 #include <random>
 #include <stdexcept>
 
@@ -61,12 +60,8 @@ void Scenes::restore(const SceneRecord& record) {
                                 models_));
     spdlog::info("event=scene_restored scene={} version={} windows={}", record.id, record.version,
                  record.windows.size());
-  } catch (const MemoryRefused& refused) {
-    leave_on_disk(record.id, refused.what());
-  } catch (const std::bad_alloc& error) {
+  } catch (const std::exception& error) {  // no room, or the models refuse it
     leave_on_disk(record.id, error.what());
-  } catch (const std::exception& error) {
-    state_.set_aside(record.id, error.what());
   }
 }
 
@@ -89,8 +84,8 @@ std::string Scenes::reserve(const std::string& wanted_id) {
     throw Error(
         ErrorKind::kAlreadyExists,
         fmt::format(
-            "scene_id: {} is kept on disk and did not fit into memory at the start; choose another id, "
-            "or restart the service with more memory",
+            "scene_id: {} is kept on disk and could not be restored at the start (scene_not_restored in the "
+            "service's log says why); choose another id, or restart the service once that is mended",
             id));
   if (scenes_.contains(id) || being_made_.contains(id))
     throw Error(ErrorKind::kAlreadyExists,

@@ -25,8 +25,8 @@ class Scenes {
                   std::shared_ptr<const TouchModels> models = tissue_models(), bool standby = false);
   ~Scenes();  // writes what was published
 
-  // Builds the models of the scenes kept on disk; one that cannot be built is logged and set aside. With
-  // `standby` it is here that the directory is taken, as soon as no other process holds it.
+  // Builds the models of the scenes kept on disk; one that cannot be built is logged and left
+  // there. With `standby` it is here that the directory is taken, as soon as no other process holds it.
   void restore();
   // Writes what was published, then gives the directory up. Scenes are touched on; nobody may make or publish
   // any more, and remove() throws Error(kUnavailable).
@@ -63,7 +63,7 @@ class Scenes {
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Scene>> scenes_;
   std::set<std::string> being_made_;    // ids taken while their models are built and first kept
-  std::set<std::string> left_on_disk_;  // ids of scenes that did not fit at the start
+  std::set<std::string> left_on_disk_;  // ids of scenes that could not be restored
   // Last: their jobs use all of the above.
   StateKeeper state_;
   // Scenes may outlive this: what they ask for then is dropped.

@@ -58,10 +58,6 @@ void StateKeeper::load(const StateStore::Take& take, const StateStore::Left& lef
   if (store_) store_->load(take, left, account);
 }
 
-void StateKeeper::set_aside(const std::string& id, const std::string& why) {
-  store_->set_aside(id, why);
-}
-
 void StateKeeper::write(const std::shared_ptr<Scene>& scene) {
   const std::lock_guard lock(disk_);
   if (scene->deleted()) return;

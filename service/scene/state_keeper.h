@@ -31,7 +31,6 @@ class StateKeeper {
   const std::shared_ptr<VersionCounter>& versions() const { return versions_; }
   // What was kept, for the start, as StateStore reads it.
   void load(const StateStore::Take&, const StateStore::Left&, const MemoryAccount&);
-  void set_aside(const std::string& id, const std::string& why);
 
   // Writes a new scene. `done` is called on the keeper's thread, or at once where nothing is kept: with
   // nothing when the scene outlives a power failure, with Error(kExhausted | kUnavailable) when it cannot be

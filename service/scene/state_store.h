@@ -43,8 +43,6 @@ class StateStore {
   void reserve_versions(std::uint64_t limit);
   // For another process; nothing may be written from then on.
   void let_go() { lock_.reset(); }
-  // Moves a scene that cannot be used to DIR/set-aside and logs why.
-  void set_aside(const std::string& id, const std::string& why);
   // Versions that were never handed out: the first one, and the end of those reserved.
   std::uint64_t first_version() const { return first_version_; }
   std::uint64_t reserved_versions() const { return reserved_; }
@@ -55,6 +53,7 @@ class StateStore {
   void keep_private();
   void sweep();
   void load(const std::string& id, const Take&, const MemoryAccount&);
+  void set_aside(const std::string& id, const std::string& why);
   void place_file(const Path&, const std::string& bytes);
   const std::shared_ptr<Files> files_;
   const Path directory_, scenes_;

@@ -1,6 +1,8 @@
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "service/base/choices.h"
 #include "service/contact/plane_touch_model.h"
@@ -24,6 +26,19 @@ class TissueModels final : public TouchModels {
   }
 
   double context_m() const override { return choices::kRefresh; }
+
+  void check(bool solid, const Fingertip& tip, const Layer&, const TouchWay& way) const override {
+    const bool pad = tip.shape == FingertipShape::kPad;
+    if (!solid && (pad || tip.shape == FingertipShape::kSphere))
+      throw std::invalid_argument(
+          fmt::format("open.fingertip.shape: a {} touches solid tissue (CreateScene with modulus.z_m); touch "
+                      "a plane scene with a flat punch or a rounded tip",
+                      pad ? "pad" : "sphere"));
+    if (way.path == SolvePath::kShares && (!way.shares || way.pressure))
+      throw std::invalid_argument(
+          "open.path: SHARES is a closed form of a frictionless ROUNDED_TIP or SPHERE on a solid's surface, "
+          "without pressures or tactile images; leave the path out");
+  }
 
   std::shared_ptr<const TouchModel> of_window(const WantedModel& wanted) const override {
     WindowTissueOptions options;

@@ -30,7 +30,11 @@ class TouchModels {
   // How far a window's model reaches into the tissue beside it: those this near are stale when a window
   // changes.
   virtual double context_m() const = 0;
-  // Both throw std::invalid_argument (field named) and MemoryRefused.
+  // Throws std::invalid_argument (field named) for a touch that no model of such tissue answers: its stream
+  // is refused when it opens.
+  virtual void check(bool /*solid*/, const Fingertip&, const Layer&, const TouchWay&) const {}
+  // Both throw std::invalid_argument (field named) and MemoryRefused: the caller is told so. A scene that was
+  // kept and is refused at the start stays on disk until it is taken.
   virtual std::shared_ptr<const TouchModel> of_window(const WantedModel&) const = 0;
   // Of the whole tissue, whose modulus is given, on exactly this grid.
   virtual std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry&, const ExplicitModulus&,

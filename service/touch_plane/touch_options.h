@@ -23,7 +23,8 @@ struct TouchOptions {
 TouchOptions canonical(TouchOptions);
 // Shares of the force are of a solid's surface and frictionless round tips.
 bool has_shares(const TouchOptions&, const Layer&, bool solid);
-// Throws std::invalid_argument (field named) for what this layer of this tissue cannot be touched with.
-void check(const TouchOptions&, const Layer&, bool solid, const Limits&);
+// Throws std::invalid_argument (field named) for what is beyond the limits, or no normal of this layer. What
+// the tissue's model does not do, TouchModels::check() refuses.
+void check(const TouchOptions&, const Layer&, const Limits&);
 
 }  // namespace teletact::service

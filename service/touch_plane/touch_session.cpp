@@ -59,13 +59,14 @@ TouchSession::TouchSession(std::shared_ptr<Scene> scene, TouchOptions options, s
       way_{.path = options_.path, .device = std::move(device), .client = options_.client} {
   const auto snapshot = scene_->snapshot();
   const bool solid = !snapshot->windows.empty() && snapshot->windows.front()->region.z;
-  check(options_, layer_, solid, scene_->limits());
+  check(options_, layer_, scene_->limits());
   way_.shares = has_shares(options_, layer_, solid);
   if (way_.shares) {  // laws are of each tolerance
     way_.tolerance = options_.tolerance;
     way_.pressure = options_.pressure;
     way_.planner = std::make_shared<Planner>();
   }
+  scene_->models().check(solid, options_.fingertip, layer_, way_);
   scene_->use_layer(layer_);
 }
 
@@ -255,7 +256,7 @@ ContactAnswer TouchSession::answered(const TouchPose& pose) {
 }
 
 void TouchSession::touch_into(TouchAnswer& answer, const TouchPose& pose) {
-  answer.path = touched_->device() ? SolvePath::kGradients : SolvePath::kCompliance;  // should it fail
+  answer.path = options_.path;  // should it fail
   answer.contact = answered(pose);
   const ContactAnswer& c = answer.contact;
   answer.path = c.state == ContactState::kContact ? c.path : SolvePath::kAuto;

@@ -30,8 +30,9 @@ struct ForeseenTouch {
 
 struct TouchAnswer {
   TouchStatus status = TouchStatus::kOk;
-  ContactAnswer contact;              // zero force unless kOk or kDegraded
-  SolvePath path = SolvePath::kAuto;  // used; kAuto where nothing had to be solved
+  ContactAnswer contact;  // zero force unless kOk or kDegraded
+  // Used, or asked for where it failed; kAuto without contact, and of a model with a way of its own.
+  SolvePath path = SolvePath::kAuto;
   std::uint64_t window_id = 0, model_version = 0;
   std::chrono::steady_clock::time_point taken_in{};  // as the window's
   Region covered;
@@ -49,7 +50,7 @@ bool trusted_meanwhile(const SolveReport&);
 // Not thread-safe: one thread solves.
 class TouchSession {
  public:
-  // Throws std::invalid_argument (field named) for an unusable fingertip or layer.
+  // Throws std::invalid_argument (field named) for a fingertip, layer or path that cannot be touched with.
   TouchSession(std::shared_ptr<Scene>, TouchOptions, std::shared_ptr<Device>);
   ~TouchSession();
   TouchSession(const TouchSession&) = delete;

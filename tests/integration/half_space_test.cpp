@@ -49,7 +49,7 @@ class PressingDevice final : public client::HapticDevice {
 };
 
 client::Vector3 closed_form_n() {
-  const service::HalfSpace half_space(10e3, 0.49, {}, {});
+  const service::HalfSpace half_space(10e3, 0.49, {});
   const auto surface = half_space.layer(service::tilted_surface(), {}, {});
   const service::ContactAnswer answer =
       surface->answer({}, {service::on_tilted_surface(kX, kZ, kIndentationM)});

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <thread>
 #include <tuple>
 
@@ -121,6 +122,26 @@ TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {
   answer.mutable_covered()->set_end_x_m(NAN);
   EXPECT_FALSE(told.take_answer(answer, true, 1'000'000, 2'000'000).has_value());
   EXPECT_EQ(told.stats.dropped, 1u);
+}
+
+TEST(TouchPeers, AnswersOfAModelWithAWayOfItsOwnAreCountedBesideTheOthers) {
+  TouchAnswers told;
+  v1::TouchOpened opened;
+  opened.set_period_s(0.002);
+  opened.set_credit(2);
+  ASSERT_EQ(told.take_opened(opened, 1), "");
+  v1::TouchAnswer answer;
+  answer.set_status(v1::TOUCH_STATUS_OK);
+  for (const double m : {0.02, 0.0, 0.0}) answer.add_position_m(m), answer.add_force_n(0);
+  told.take_answer(answer, true, 1, 2);  // no contact
+  EXPECT_TRUE(told.stats.solved_by.empty());
+  answer.mutable_solve()->set_reason("closed form");
+  told.take_answer(answer, true, 1, 2);
+  answer.set_path(v1::SOLVE_PATH_SHARES);
+  told.take_answer(answer, true, 1, 2);
+  const std::map<v1::SolvePath, std::uint64_t> expected{{v1::SOLVE_PATH_UNSPECIFIED, 1},
+                                                        {v1::SOLVE_PATH_SHARES, 1}};
+  EXPECT_EQ(told.stats.solved_by, expected);
 }
 
 TEST(TouchPeers, WhatIsBeingPreparedHasNoForceAndIsNoFailure) {

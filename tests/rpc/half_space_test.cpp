@@ -28,7 +28,9 @@ TEST_F(ServedHalfSpace, IsTouchedWithForceAndTangentInThreeComponents) {
   v1::TouchAnswer answer;
   ASSERT_TRUE(toucher.read(&answer));
   ASSERT_EQ(answer.status(), v1::TOUCH_STATUS_OK) << answer.warning();
+  EXPECT_EQ(answer.path(), v1::SOLVE_PATH_UNSPECIFIED) << "a way of its own";
   EXPECT_EQ(answer.solve().reason(), "closed form");
+  EXPECT_GT(answer.solve().relative_force_error(), 0);
   ASSERT_EQ(answer.force_n_size(), 3);
   ASSERT_EQ(answer.tangent_n_m_size(), 9);
   const double force_n = std::hypot(answer.force_n(0), answer.force_n(1), answer.force_n(2));
@@ -57,6 +59,19 @@ TEST_F(ServedHalfSpace, TellsTheLightTouchBelowWithAllItsComponents) {
     EXPECT_NEAR(answer.foreseen().position_m(i),
                 above[std::size_t(i)] + (0.001 + choices::kLightTouch) * n[std::size_t(i)], 1e-12);
   EXPECT_LT(answer.foreseen().force_n(2), 0);
+}
+
+TEST_F(ServedHalfSpace, RefusesWhatItDoesNotDoWhenTheStreamOpens) {
+  const auto refused = [](auto change, const char* field) {
+    v1::TouchOpen open = Toucher::open_on("s");
+    change(open);
+    Toucher toucher(server->channel(), open);
+    EXPECT_FALSE(toucher.opened());
+    expect_refused(toucher.finish(), grpc::StatusCode::INVALID_ARGUMENT, field);
+  };
+  refused([](auto& o) { o.mutable_layer()->set_depth_m(0.01); }, "open.layer.depth_m");
+  refused([](auto& o) { o.set_path(v1::SOLVE_PATH_GRADIENTS); }, "open.path");
+  refused([](auto& o) { o.mutable_fingertip()->set_stuck(true); }, "open.fingertip.shape");
 }
 
 }  // namespace

@@ -221,7 +221,7 @@ TEST(ContactLaws, AModelThatIsGoneSamplesNothing) {
 }
 
 TEST(ContactLaws, ATiltedLayerHasNone) {
-  const HalfSpace half_space(10e3, 0.49, {}, {});
+  const HalfSpace half_space(10e3, 0.49, {});
   const auto touched = half_space.layer(tilted_surface(), {}, {});
   EXPECT_FALSE(half_space.laws().get({}, tilted_surface(), {}, touched, Region{0, 0.1}, {0.05, 0, 0}, {}));
 }

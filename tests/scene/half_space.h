@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/contact/fingertip.h"
 #include "service/scene/touch_models.h"
 
 namespace teletact::service {
@@ -25,6 +26,14 @@ inline Vector3 on_tilted_surface(double x_m, double z_m, double indentation_m) {
   return {x_m, (indentation_m - n[0] * x_m - n[2] * z_m) / n[1], z_m};
 }
 
+// Throws std::invalid_argument for what has no closed form here.
+inline void check_tip(const Fingertip& tip) {
+  validate(tip);
+  if (tip.shape != FingertipShape::kRoundedTip || tip.friction != Friction::kFrictionless)
+    throw std::invalid_argument(
+        "open.fingertip.shape: a half-space is touched by frictionless rounded tips alone; use one");
+}
+
 struct HalfSpaceFaults {
   double stated_error = 8 * std::numeric_limits<double>::epsilon();  // that its forces state, relative
   void (*ahead)() = [] {};                                           // when the finger's way is made ready
@@ -32,8 +41,10 @@ struct HalfSpaceFaults {
 
 class HalfSpace final : public TouchModel {
  public:
-  HalfSpace(double youngs_modulus_pa, double poisson_ratio, Region region, const HalfSpaceFaults& faults)
-      : modulus_pa_(youngs_modulus_pa / (1 - poisson_ratio * poisson_ratio)),
+  HalfSpace(double youngs_modulus_pa, double poisson_ratio, Region region, MemoryAccount account = {},
+            const HalfSpaceFaults& faults = {})
+      : TouchModel(std::move(account)),
+        modulus_pa_(youngs_modulus_pa / (1 - poisson_ratio * poisson_ratio)),
         faults_(faults),
         region_(region) {}
   const char* name() const override { return "half-space"; }
@@ -54,17 +65,15 @@ class HalfSpace final : public TouchModel {
       return std::nullopt;
     }
     ContactAnswer answer(const Fingertip& tip, const TouchPose& pose) override {
-      if (tip.shape != FingertipShape::kRoundedTip)
-        throw std::invalid_argument("fingertip.shape: a half-space is touched by rounded tips alone");
+      check_tip(tip);
       const Layer surface = tilted_surface();
       const double d = indentation_m(surface, pose);
       ContactAnswer answer;
-      answer.solve.reason = "closed form";
+      answer.solve.reason = "closed form";  // and `path` stays kAuto: it has no other way
       answer.solve.relative_error = faults_.stated_error;
       if (d <= 0) return answer;
       const double stiffness = modulus_pa_ * std::sqrt(tip.radius_m * d);  // half of dF/dd
       answer.state = ContactState::kContact;
-      answer.path = SolvePath::kCompliance;
       answer.energy_j = 8.0 / 15 * stiffness * d * d;
       for (std::size_t i = 0; i < 3; ++i) {
         answer.force_n[i] = -4.0 / 3 * stiffness * d * surface.normal[i];
@@ -89,15 +98,24 @@ class HalfSpaces final : public TouchModels {
   explicit HalfSpaces(const HalfSpaceFaults& faults = {}) : faults_(faults) {}
   std::vector<Layer> layers(const SceneGeometry&) const override { return {tilted_surface()}; }
   double context_m() const override { return 0; }
+  void check(bool /*solid*/, const Fingertip& tip, const Layer&, const TouchWay& way) const override {
+    check_tip(tip);
+    if (way.path != SolvePath::kAuto)
+      throw std::invalid_argument("open.path: a half-space has its closed form alone; leave the path out");
+  }
   std::shared_ptr<const TouchModel> of_window(const WantedModel& w) const override {
     const double modulus_pa =
         w.map.mean_modulus_pa(w.region.begin_x_m, w.region.end_x_m, 0, w.geometry.depth_m);
-    return std::make_shared<const HalfSpace>(modulus_pa, w.geometry.poisson_ratio, w.region, faults_);
+    return std::make_shared<const HalfSpace>(modulus_pa, w.geometry.poisson_ratio, w.region, w.account,
+                                             faults_);
   }
   std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry& geometry, const ExplicitModulus& e,
-                                               const MemoryAccount&) const override {
-    return std::make_shared<const HalfSpace>(e.youngs_modulus_pa.front(), geometry.poisson_ratio,
-                                             Region{0, geometry.width_m}, faults_);
+                                               const MemoryAccount& account) const override {
+    if (geometry.supports != Supports{})
+      throw std::invalid_argument("geometry.supports: a half-space has no edges to hold; leave them out");
+    const Region whole{0, std::nextafter(geometry.width_m, HUGE_VAL)};  // its end belongs to it
+    return std::make_shared<const HalfSpace>(e.youngs_modulus_pa.front(), geometry.poisson_ratio, whole,
+                                             account, faults_);
   }
 
  private:

@@ -83,13 +83,41 @@ TEST_F(OnAHalfSpace, AnAnswerStandsThoughThereIsNoRoomForWhatMayBeTouchedNext) {
   EXPECT_THROW(session.look_ahead(), DeviceError);
 }
 
-TEST_F(OnAHalfSpace, WhatItCannotDoIsAFailedAnswer) {
-  TouchOptions punch;
-  punch.fingertip.shape = FingertipShape::kFlatPunch;
-  const TouchAnswer answer = TouchSession(scene, punch, nullptr).solve(on_tilted_surface(0.05, 0, 0.001));
+TEST_F(OnAHalfSpace, WhatItCannotDoIsRefusedWhenTheTouchOpens) {
+  const auto refused = [this](const TouchOptions& options, const std::string& field) {
+    try {
+      TouchSession(scene, options, nullptr);
+      ADD_FAILURE() << field << " was taken";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).rfind(field + ": ", 0), 0U) << error.what();
+    }
+  };
+  refused({.fingertip = {.shape = FingertipShape::kFlatPunch}}, "open.fingertip.shape");
+  refused({.fingertip = {.friction = Friction::kStuck}}, "open.fingertip.shape");
+  for (const double depth_m : {1e-4, 0.01, kDepthM})
+    refused({.fingertip = {}, .layer_depth_m = depth_m}, "open.layer.depth_m");
+  for (const SolvePath path : {SolvePath::kCompliance, SolvePath::kGradients, SolvePath::kShares})
+    refused({.fingertip = {}, .path = path}, "open.path");
+}
+
+TEST_F(OnAHalfSpace, EdgesThatAreHeldAreRefused) {
+  SceneGeometry held = tissue(kWidthM, kDepthM);
+  held.supports.left = EdgeSupport::kFixed;
+  const ExplicitModulus e{{0, kWidthM}, {0, kDepthM}, {kModulusPa}};
+  EXPECT_THROW(HalfSpaces().of_modulus(held, e, {}), std::invalid_argument);
+}
+
+TEST_F(OnAHalfSpace, AnAnswerThatFailsNamesNoWayInWhichItWasSolved) {
+  TouchSession session(scene_of(HalfSpaces({.stated_error = HUGE_VAL})), {}, nullptr);
+  const TouchAnswer answer = session.solve(on_tilted_surface(0.05, 0, 0.001));
   EXPECT_EQ(answer.status, TouchStatus::kFailed);
-  EXPECT_NE(answer.warning.find("fingertip.shape"), std::string::npos) << answer.warning;
+  EXPECT_EQ(answer.path, SolvePath::kAuto);
   EXPECT_EQ(answer.contact.force_n, Vector3{});
+}
+
+TEST_F(OnAHalfSpace, ItsLastPlaceIsTouched) {
+  TouchSession session(scene, {}, nullptr);
+  EXPECT_EQ(session.solve(on_tilted_surface(kWidthM, 0, 0.001)).status, TouchStatus::kOk);
 }
 
 TEST_F(OnAHalfSpace, AForceThatItsModelHardlyKnowsIsDegradedAndSaysWhy) {

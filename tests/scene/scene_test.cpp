@@ -163,5 +163,23 @@ TEST_F(SceneWithWindows, LayerThatIsHeldCannotBeTouched) {
   EXPECT_THROW(scene.layer_near(std::nan("")), std::invalid_argument);
 }
 
+TEST(Layers, TheNearestIsTakenWithinHalfOfTheDistanceOfTwo) {
+  class Two final : public TouchModels {
+   public:
+    std::vector<Layer> layers(const SceneGeometry&) const override { return {{0.004}, {0.006}}; }
+    double context_m() const override { return 0; }
+    std::shared_ptr<const TouchModel> of_window(const WantedModel&) const override { return nullptr; }
+    std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry&, const ExplicitModulus&,
+                                                 const MemoryAccount&) const override {
+      return nullptr;
+    }
+  };
+  const Scene scene("s", tissue(kWidthM, kDepthM), versions(), {}, {}, std::make_shared<const Two>());
+  for (const double depth_m : {0.003, 0.004, 0.0049}) EXPECT_EQ(scene.layer_near(depth_m), Layer{0.004});
+  for (const double depth_m : {0.0051, 0.006, 0.007}) EXPECT_EQ(scene.layer_near(depth_m), Layer{0.006});
+  for (const double depth_m : {0.0, 0.0029, 0.0071, 0.02})
+    EXPECT_THROW(scene.layer_near(depth_m), std::invalid_argument) << depth_m;
+}
+
 }  // namespace
 }  // namespace teletact::service

@@ -197,6 +197,48 @@ TEST_F(StateOnDisk, DamagedSceneIsSetAsideAndTheOthersLive) {
   EXPECT_EQ(aside, 4U);
 }
 
+// GIVEN scenes that are kept, WHEN a service starts whose models refuse them, THEN they stay where they are,
+// their names are taken, and they are back once the models take them.
+TEST_F(StateOnDisk, ScenesThatTheModelsRefuseStayAndComeBack) {
+  class Refusing final : public TouchModels {
+   public:
+    std::vector<Layer> layers(const SceneGeometry&) const override { return {Layer{}}; }
+    double context_m() const override { return 0; }
+    std::shared_ptr<const TouchModel> of_window(const WantedModel&) const override {
+      throw std::invalid_argument("geometry.supports: not here");
+    }
+    std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry&, const ExplicitModulus&,
+                                                 const MemoryAccount&) const override {
+      throw std::invalid_argument("modulus.z_m: not here");
+    }
+  };
+  double before_n = 0;
+  {
+    Scenes scenes(directory);
+    create_scene(scenes, "given", tissue(0.06, 0.02),
+                 ExplicitModulus{uniform_coordinates(0, 0.06, 30), uniform_coordinates(0, 0.02, 10),
+                                 std::vector<double>(300, 7e3)});
+    create_scene(scenes, "imaged", tissue(0.12, 0.03), std::nullopt);
+    publish(scenes, "imaged", 0.03, 10e3);
+    before_n = force_n(scenes, "imaged", 0.05);
+  }
+  {
+    Scenes scenes(directory, {}, machine_files(), {}, std::make_shared<const Refusing>());
+    scenes.restore();
+    EXPECT_TRUE(scenes.list().empty());
+    for (const char* id : {"given", "imaged"}) try {
+        create_scene(scenes, id, tissue(0.12, 0.03), std::nullopt);
+        ADD_FAILURE() << id << " was written over";
+      } catch (const Error& error) {
+        EXPECT_EQ(error.kind, ErrorKind::kAlreadyExists) << error.what();
+      }
+  }
+  Scenes scenes(directory);
+  scenes.restore();
+  EXPECT_EQ(scenes.list().size(), 2U);
+  EXPECT_EQ(force_n(scenes, "imaged", 0.05), before_n);
+}
+
 // What the files may say when a hand has been at them, or a disk has lost the last writes.
 TEST_F(StateOnDisk, VersionsNeverGoBackWhateverTheFileSays) {
   std::uint64_t last = 0;

@@ -75,9 +75,9 @@ bool scene_state(Bytes bytes) {
   const auto disk = disk_of(bytes);
   StateStore store("/state", limits, disk);
   std::unique_ptr<Scene> scene;
+  bool left = false;
   store.load([&](const SceneRecord& record) {
-    if (!accepted<std::exception>([&] { scene = std::make_unique<Scene>(record, nullptr, limits); }))
-      store.set_aside(record.id, "it cannot be made");
+    left = !accepted<std::exception>([&] { scene = std::make_unique<Scene>(record, nullptr, limits); });
   });
   require(store.first_version() > 0 && store.first_version() < store.reserved_versions(),
           "versions that were handed out already");
@@ -85,8 +85,8 @@ bool scene_state(Bytes bytes) {
     check(*scene, limits);
     return true;
   }
-  require(!disk->exists("/state/scenes/s") && disk->list("/state/set-aside").size() == 1,
-          "a scene is neither there nor set aside");
+  require(disk->exists("/state/scenes/s") == left, "a scene is not where it was left");
+  require(left || disk->list("/state/set-aside").size() == 1, "a scene is neither there nor set aside");
   return false;
 }
 
