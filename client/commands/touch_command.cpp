@@ -294,9 +294,9 @@ void add_touch_command(CLI::App& app) {
   command
       .add_option(
           "--renderer", session.renderer,
-          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman), "
-          "kalman, kalman-force, interpolate or hold")
-      ->check(CLI::IsMember(touch_renderer_names()));
+          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman) or "
+          "kalman, the filter of answers")
+      ->check(CLI::IsMember(renderer_names()));
   command.add_option("--record", session.record_path,
                      "keep poses, answers and every servo tick in this file; without it nothing is kept");
   command.add_option("--json", arguments->json_path,

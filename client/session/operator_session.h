@@ -23,7 +23,7 @@ struct OperatorSessionOptions {
   v1::TouchOpen open;
   std::string device = "simulated";     // as devices.h reads it
   std::string profile = "premium-1.5";  // of a simulated or replayed device
-  std::string renderer = "law";         // or kalman, kalman-force, interpolate, hold
+  std::string renderer = "law";         // or kalman
   WorkspaceOptions workspace;           // of a real device
   HandOptions hand;                     // of a simulated device; its places: see below
   std::optional<double> begin_m;        // of the sweep; absent: the tip's reach within what is covered
