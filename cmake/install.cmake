@@ -68,7 +68,7 @@ set(CPACK_COMPONENT_CLIENT_DESCRIPTION "touch of tissue from afar: patient side 
 Acquires ultrasound RF for a teletact service, and lets a haptic device touch
 the tissue that it publishes, at 1 kHz with bounded forces.")
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_CLIENT_PACKAGE_RECOMMENDS "gnuplot-nox")  # the pictures of report
+set(CPACK_DEBIAN_CLIENT_PACKAGE_DEPENDS "gnuplot-nox")  # all pictures
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME teletact-dev)
 set(CPACK_COMPONENT_DEV_DESCRIPTION "touch of tissue from afar: contract, device interface, documents

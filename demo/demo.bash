@@ -256,7 +256,7 @@ run_page_demo() {
   local seed=$1 duration=$2 passes=$3 port=$4 status=0 word
   mkfifo -m 600 "$DEMO_RUN"/{probe,link,faults}
   exec 7<>"$DEMO_RUN/probe" 8<>"$DEMO_RUN/link" 9<>"$DEMO_RUN/faults"
-  start page "$DEMO_CLIENT" watch --session "$DEMO_RUN/touch" --acquire "$DEMO_RUN/acquire" --service "unix:$DEMO_RUN/s" \
+  start page "$DEMO_CLIENT" watch --session "$DEMO_OUT/touch.record" --acquire "$DEMO_OUT/acquire.record" --service "unix:$DEMO_RUN/s" \
     --scene demo --faults "$DEMO_RUN/faults" --port "$port"
   DEMO_WAIT_WHAT="the page" DEMO_WAIT_S=20
   await grep -qs "the page is at" "$DEMO_OUT/log/page.log"
@@ -264,7 +264,7 @@ run_page_demo() {
   say "2/4 patient side: simulating RF of patient $seed"
   start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" \
     --passes-prepared "$passes" --save-tissue "$DEMO_OUT/patient.toml" --record "$DEMO_OUT/acquire.record" \
-    --ready-file "$DEMO_RUN/acquire.ready" --start-x-m "$DEMO_BEGIN_M" --publish "$DEMO_RUN/acquire" --spoil "$DEMO_RUN/probe"
+    --ready-file "$DEMO_RUN/acquire.ready" --start-x-m "$DEMO_BEGIN_M" --spoil "$DEMO_RUN/probe"
   local acquire_pid=$DEMO_WAIT_PID
   DEMO_WAIT_WHAT="the patient side" DEMO_WAIT_S=600
   await test -e "$DEMO_RUN/acquire.ready"
@@ -274,7 +274,7 @@ run_page_demo() {
   say "3/4 operator side: a finger explores for $duration s at 120 mm/s"
   start touch "$DEMO_CLIENT" touch --service "$(sed -n 's/^passing on at //p' "$DEMO_OUT/log/proxy.log")" --scene demo \
     --device simulated --record "$DEMO_OUT/touch.record" --json "$DEMO_OUT/summary.json" --force \
-    --publish "$DEMO_RUN/touch" --duration-s "$duration" --begin-m "$DEMO_BEGIN_M" --end-m "$DEMO_END_M"
+    --duration-s "$duration" --begin-m "$DEMO_BEGIN_M" --end-m "$DEMO_END_M"
   local touch_pid=$DEMO_WAIT_PID
   while kill -0 "$touch_pid" 2>/dev/null; do
     if read -r -t 0.2 -u 9 word; then fault "$word"; fi

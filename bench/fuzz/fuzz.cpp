@@ -8,10 +8,10 @@
 
 #include "bench/fuzz/laws.h"
 #include "bench/fuzz/source.h"
+#include "bench/stability/renderers.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/tissue.h"
 #include "client/link/servo_messages.h"
-#include "client/render/renderers.h"
 
 namespace teletact::bench {
 namespace {
@@ -190,7 +190,7 @@ class Session {
         finger_(source),
         tissue_(some_tissue(source)),
         device_(source),
-        renderer_(client::make_renderer(renderer, kServoS, device_.profile().limits())),
+        renderer_(make_any_renderer(renderer, kServoS, device_.profile().limits())),
         period_s_(source.logarithmic(0.001, 0.05)),
         late_s_(source.happens(0.7) ? source.between(0, 0.02) : source.between(0, 0.3)),
         hostile_answers_(source.one_of(4) == 0 ? 0 : source.logarithmic(0.01, 0.7)),
@@ -329,8 +329,8 @@ class Session {
 FuzzResult fuzz_forces(std::size_t cases, std::uint64_t seed) {
   Source source(seed);
   FuzzResult result;
-  for (const std::string& name : client::touch_renderer_names())
-    result.renderers.push_back({.renderer = name});
+  result.renderers.push_back({.renderer = "law"});
+  for (const std::string& name : renderer_names()) result.renderers.push_back({.renderer = name});
   for (std::size_t number = 0; result.cases < cases; ++number) {
     // Every other session by law, which has the most to be hostile with.
     const std::size_t others = result.renderers.size() - 1;

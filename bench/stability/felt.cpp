@@ -5,11 +5,11 @@
 #include <cmath>
 #include <deque>
 
+#include "bench/stability/renderers.h"
 #include "client/experiment/spring_tissue.h"
 #include "client/haptic/profiles.h"
 #include "client/haptic/quantised_reading.h"
 #include "client/render/force_chain.h"
-#include "client/render/renderers.h"
 
 namespace teletact::bench {
 namespace {
@@ -44,7 +44,7 @@ double max_different(const std::vector<double>& values, std::size_t length, doub
 }
 
 double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) {
-  const auto renderer = client::make_renderer(o.renderer, kServoS);
+  const auto renderer = make_any_renderer(o.renderer, kServoS);
   client::ForceChainOptions chain_options;
   chain_options.limits = client::device_profile("premium-1.5").limits();
   client::ForceChain chain(chain_options);

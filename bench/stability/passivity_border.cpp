@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "client/render/hold_renderer.h"
+#include "bench/stability/renderers.h"
 
 namespace teletact::bench {
 namespace {
@@ -110,7 +110,7 @@ ImposedMotion worst_motion(double delay_periods, std::size_t periods) {
 }
 
 double border_n_s_m(const ImposedMotion& motion, double stiffness_n_m, double period_s, double delay_s) {
-  client::HoldRenderer hold;
+  HoldRenderer hold;
   const double delay_periods = delay_s / period_s;
   constexpr double kRounding = 1e-9;  // of a period
   // Pressed this deep at position 0, so that the hold renderer stays in contact; a constant force does no

@@ -27,7 +27,7 @@ struct ImposedMotion {
 // longer, the closer to the border, from below: (periods / (1 + delay))^-2 remains.
 ImposedMotion worst_motion(double delay_periods, std::size_t periods);
 
-// The damping (N s/m) at which that motion costs nothing on the client's own hold renderer: stiffness_n_m,
+// The damping (N s/m) at which that motion costs nothing on a hold renderer: stiffness_n_m,
 // sampled every period_s, each answer arriving delay_s after its pose. 0 when it costs something without any
 // damping.
 double border_n_s_m(const ImposedMotion&, double stiffness_n_m, double period_s, double delay_s);

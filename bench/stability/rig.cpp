@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "bench/stability/renderers.h"
 #include "bench/stability/servo_period.h"
 #include "client/haptic/simulated_device.h"
-#include "client/render/renderers.h"
 
 namespace teletact::bench {
 
@@ -47,7 +47,7 @@ class Controller::Device final : public client::HapticDevice {
 
 Controller::Controller(const RigOptions& options)
     : options_(options),
-      renderer_(client::make_renderer(options.renderer, kServoS, options.profile.limits())),
+      renderer_(make_any_renderer(options.renderer, kServoS, options.profile.limits())),
       device_(std::make_unique<Device>(options.profile)) {
   if (!options.safe) return;
   client::ServoOptions servo;

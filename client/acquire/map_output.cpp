@@ -12,7 +12,7 @@
 #include "client/acquire/modulus_names.h"
 #include "client/acquire/recorded_frames.h"
 #include "client/files/netcdf.h"
-#include "client/files/png.h"
+#include "client/files/picture.h"
 #include "client/files/vti.h"
 
 namespace teletact::client {

@@ -28,7 +28,7 @@ namespace teletact::client {
 namespace {
 
 struct AcquireArguments {
-  std::string address, tissue_path, save_tissue_path, record_path, publish_path, spoil_path, ready_path;
+  std::string address, tissue_path, save_tissue_path, record_path, spoil_path, ready_path;
   Credentials credentials;
   std::optional<std::uint64_t> seed;
   std::size_t passes = 5;
@@ -242,8 +242,8 @@ void run(const AcquireArguments& arguments) {
     require_no_scene(*palpation, arguments.acquire.scene_id);
   else
     open_scene(*palpation, arguments.acquire.scene_id, tissue);
-  AcquireRecorder recorder(arguments.record_path, arguments.publish_path, arguments.address,
-                           arguments.acquire.scene_id, arguments.record_rf);
+  AcquireRecorder recorder(arguments.record_path, arguments.address, arguments.acquire.scene_id,
+                           arguments.record_rf);
   recorder.info(get_info(channel));
   std::unique_ptr<FrameSource> source = prepare(tissue, arguments);
   if (!arguments.spoil_path.empty())
@@ -341,12 +341,11 @@ void add_acquire_command(CLI::App& app) {
       ->capture_default_str();
   command.add_option("--threads", arguments->threads, "for the simulation; 0 = one per processor");
   add_slice_options(command, *arguments);
-  command.add_option("--record", arguments->record_path,
-                     "keep timings, summaries and the final scene in this file; without it nothing is kept");
-  add_force_option(command, arguments->force);
   command.add_option(
-      "--publish", arguments->publish_path,
-      "Unix socket at which what is acquired can be watched (watch --acquire); without it nobody looks");
+      "--record", arguments->record_path,
+      "keep timings, summaries and the final scene in this file, by which watch --acquire shows them "
+      "meanwhile; without it nothing is kept");
+  add_force_option(command, arguments->force);
   command.add_option(
       "--spoil", arguments->spoil_path,
       "named pipe whose lines, force or decorrelated, each spoil the next pair; without it none is");

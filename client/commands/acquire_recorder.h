@@ -1,5 +1,4 @@
-// Everything that the recording of an acquisition gets, and whoever watches it, in one place; calls come from
-// several threads.
+// Everything that the recording of an acquisition gets, in one place; calls come from several threads.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +8,6 @@
 #include <utility>
 
 #include "client/clock/clock.h"
-#include "client/link/publisher.h"
 #include "client/link/recording.h"
 #include "teletact/v1/elastography.pb.h"
 #include "teletact/v1/info.pb.h"
@@ -18,24 +16,21 @@ namespace teletact::client {
 
 class AcquireRecorder {
  public:
-  // `path`, `publish_path`: empty: nothing is kept, nobody watches. Throws as RecordWriter and Publisher do.
-  AcquireRecorder(const std::string& path, const std::string& publish_path, const std::string& service,
-                  const std::string& scene_id, bool with_rf)
+  // `path`: empty: nothing is kept. Throws as RecordWriter does.
+  AcquireRecorder(const std::string& path, const std::string& service, const std::string& scene_id,
+                  bool with_rf)
       : with_rf_(with_rf) {
+    if (path.empty()) return;
     v1::RecordHeader header;
     header.set_kind("acquire");
     header.set_client("teletact-client");
     header.set_service(service);
     header.set_scene_id(scene_id);
     header.set_unix_time_s(std::time(nullptr));
-    if (!path.empty()) writer_.emplace(path, header);
-    if (!publish_path.empty()) publisher_.emplace(publish_path, header);
+    writer_.emplace(path, header);
   }
   void request(std::uint32_t call, const v1::EstimateRequest& request) {
-    if (with_rf_)
-      append(call, request);
-    else if (publisher_ && request.has_acquisition())
-      publisher_->append(recorded(request, monotonic_ns(), call));
+    if (with_rf_ || request.has_acquisition()) append(call, request);
   }
   void response(std::uint32_t call, const v1::EstimateResponse& response) {
     if (response.has_map() && !with_rf_) return;  // maps belong to a recording that can be replayed
@@ -43,14 +38,14 @@ class AcquireRecorder {
   }
   void window(std::uint32_t call, const v1::WindowTiming& timing) { append(call, timing); }
   void info(const v1::GetInfoResponse& info) { append(0, info); }
-  // What is said of the acquisition: to who watches alone.
+  // What is said of the acquisition.
   void note(const std::string& text) {
-    if (!publisher_) return;
+    if (!writer_) return;
     v1::RecordEntry entry;
     entry.set_monotonic_ns(monotonic_ns());
     entry.mutable_log()->set_warning(true);
     entry.mutable_log()->set_text("patient side: " + text);
-    publisher_->append(std::move(entry));
+    writer_->append(std::move(entry));
   }
   void close(const v1::Scene& scene) {
     append(0, scene);
@@ -61,13 +56,9 @@ class AcquireRecorder {
  private:
   template <class Message>
   void append(std::uint32_t call, const Message& message) {
-    if (!writer_ && !publisher_) return;
-    v1::RecordEntry entry = recorded(message, monotonic_ns(), call);
-    if (publisher_) publisher_->append(entry);
-    if (writer_) writer_->append_waiting(std::move(entry));
+    if (writer_) writer_->append_waiting(recorded(message, monotonic_ns(), call));
   }
   std::optional<RecordWriter> writer_;
-  std::optional<Publisher> publisher_;
   bool with_rf_;
 };
 

@@ -38,7 +38,7 @@ std::uint64_t seed_of(const ExperimentArguments& arguments) {
 }
 
 std::string touch_renderer(const ExperimentArguments& arguments) {
-  return arguments.chain.renderer.empty() ? "law" : arguments.chain.renderer;
+  return arguments.renderer.empty() ? "law" : arguments.renderer;
 }
 
 std::string remark_of(const ExperimentArguments& arguments) {
@@ -53,8 +53,7 @@ std::string remark_of(const ExperimentArguments& arguments) {
 }
 
 std::optional<SpringChain> chain_of(const ExperimentArguments& arguments) {
-  if (arguments.chain.renderer.empty()) return std::nullopt;
-  return arguments.chain;
+  return arguments.renderer.empty() ? std::nullopt : std::optional(arguments.chain);
 }
 
 double hardest_n_m(const ExperimentPlan& plan) {

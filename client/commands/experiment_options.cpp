@@ -40,11 +40,11 @@ void add_observer_options(CLI::App& command, ExperimentArguments& arguments) {
                    "half of each stimulus's trials have it first; without it the background always is");
   auto* renderer =
       command
-          .add_option("--renderer", arguments.chain.renderer,
-                      "feel through the whole chain: kalman, kalman-force, interpolate or hold, told of the "
-                      "stiffness at --update-hz, --age-s late, or by a --service; without it stiffness is "
-                      "perfect, and that of a --service felt by its contact law (law)")
-          ->check(CLI::IsMember(touch_renderer_names()));
+          .add_option("--renderer", arguments.renderer,
+                      "feel through the whole chain: kalman, told of the stiffness at --update-hz, --age-s "
+                      "late, or by a --service; without it stiffness is perfect, and that of a --service "
+                      "felt by its contact law (law)")
+          ->check(CLI::IsMember(renderer_names()));
   command.add_option("--update-hz", arguments.chain.update_hz, "answers a second that --renderer is given")
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str()
@@ -97,8 +97,9 @@ void require_meant(const ExperimentArguments& arguments, const CLI::App& command
   if (!arguments.person) needs({"--profile", "--counterbalanced"}, "give --person or --service");
   if (arguments.device.device.empty())
     needs({"--renderer", "--inclusion-m"}, "give --person and --device, or --service");
-  if (arguments.chain.renderer == "law")
-    throw UsageError("--renderer law: contact laws come from a service; give --service, or another one");
+  if (arguments.renderer == "law")
+    throw UsageError(
+        "--renderer law: contact laws come from a service; give --service, or --renderer kalman");
 }
 
 void add_experiment_options(CLI::App& command, ExperimentArguments& arguments) {

@@ -18,7 +18,8 @@ struct ExperimentArguments {
   ObserverDescription observer;
   bool person = false;
   DeviceChoice device = {.device = ""};  // empty: the keyboard
-  SpringChain chain = {.renderer = ""};  // empty: perfect stiffness, of a service its law
+  std::string renderer;                  // empty: perfect stiffness, of a service its law
+  SpringChain chain;                     // of springs that are felt by one
   TissueOptions tissue;                  // no address: springs, at its place
   std::optional<std::uint64_t> seed;     // of --seed
   std::string csv, refit, resume;

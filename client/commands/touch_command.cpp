@@ -295,17 +295,16 @@ void add_touch_command(CLI::App& app) {
   command
       .add_option(
           "--renderer", session.renderer,
-          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman), "
-          "kalman, kalman-force, interpolate or hold")
-      ->check(CLI::IsMember(touch_renderer_names()));
-  command.add_option("--record", session.record_path,
-                     "keep poses, answers and every servo tick in this file; without it nothing is kept");
+          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman) or "
+          "kalman, the filter of answers")
+      ->check(CLI::IsMember(renderer_names()));
+  command.add_option(
+      "--record", session.record_path,
+      "keep poses, answers and every servo tick in this file, by which watch --session shows them meanwhile; "
+      "without it nothing is kept");
   command.add_option("--json", arguments->json_path,
                      "write the summary to this file too; without it it is only printed");
   add_force_option(command, arguments->force);
-  command.add_option(
-      "--publish", session.publish_path,
-      "Unix socket at which this session can be watched (watch --session); without it nobody looks");
   command.add_option("--start-x-m", session.start_x_m,
                      "where on the tissue a real device begins (default: amid what is covered)");
   add_workspace_options(command, session.workspace);

@@ -101,7 +101,6 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
         {"last_version", link.last_version}}},
       {"telemetry_dropped", summary.telemetry_dropped},
       {"record_dropped", summary.record_dropped},
-      {"publish_dropped", summary.publish_dropped},
   };
 }
 

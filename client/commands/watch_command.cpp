@@ -13,7 +13,6 @@
 #include "client/commands/commands.h"
 #include "client/link/channel.h"
 #include "client/link/recording.h"
-#include "client/link/unix_socket.h"
 #include "client/servo/ending.h"
 #include "client/watch/gateway.h"
 #include "client/watch/player.h"
@@ -50,39 +49,28 @@ Gateway::Orders orders_of(const WatchArguments& arguments, std::optional<Player>
   };
 }
 
-// `command`: whose --publish makes the socket.
-void say_waiting(const char* command, const std::string& socket) {
-  if (!socket.empty() && !connect_to(socket))
-    say("waiting for " + socket + ": start '" + command + " --publish " + socket + "'");
-}
-
-// A session is waited for where nothing is yet; what is something else never becomes one.
-void require_session(const std::string& option, const std::string& path) {
+// A session is waited for where nothing is yet, or an earlier one; what is something else never becomes one.
+// `command`: whose recording it is.
+void say_waiting(const std::string& command, const std::string& path) {
+  if (path.empty()) return;
+  const std::string start = "start '" + command + " --record " + path;
   std::error_code ignored;
-  if (path.empty() || !std::filesystem::exists(path, ignored) || std::filesystem::is_socket(path, ignored))
-    return;
-  bool recorded = false;
-  if (std::filesystem::is_regular_file(path, ignored)) try {
-      const RecordReader reader(path);
-      recorded = true;
-    } catch (const std::runtime_error&) {  // no recording, or one of another version
-    }
-  throw UsageError(option + ": " + path +
-                   (recorded ? " is a recording's file: watch it with --recording"
-                             : " is no session: give the socket of touch or acquire --publish"));
+  if (!std::filesystem::exists(path, ignored)) return say("waiting for " + path + ": " + start + "'");
+  if (RecordReader(path).is_written()) return;
+  say(path + " has ended: play it with --recording, or " + start + " --force', which is waited for");
 }
 
 void run(const WatchArguments& arguments) {
   if (arguments.session.empty() == arguments.recordings.empty())
-    throw UsageError("give --session SOCKET, of a touch --publish, or --recording FILE");
+    throw UsageError("give --session FILE, which a touch --record writes, or --recording FILE");
   if (!arguments.recordings.empty() && !(arguments.acquire + arguments.faults).empty())
     throw UsageError("--recording: it is over; leave --acquire and --faults out");
-  require_session("--session", arguments.session);
-  require_session("--acquire", arguments.acquire);
+  say_waiting("touch", arguments.session);
+  say_waiting("acquire", arguments.acquire);
   const std::atomic<bool>& end = end_in_order();
   View view;
   view.tell("faults", !arguments.faults.empty());
-  std::optional<PublishedSource> session, acquire;
+  std::optional<SessionSource> session, acquire;
   std::optional<SceneSource> scene;
   std::optional<Player> player;
   if (!arguments.recordings.empty()) player.emplace(arguments.recordings, view);
@@ -96,8 +84,6 @@ void run(const WatchArguments& arguments) {
     scene.emplace(arguments.address, arguments.credentials, arguments.scene_id, view);
   std::printf("the page is at %s\n", gateway->url().c_str());
   std::fflush(stdout);
-  say_waiting("touch", arguments.session);
-  say_waiting("acquire", arguments.acquire);
   for (; !end; std::this_thread::sleep_for(std::chrono::milliseconds(50)))
     if (plays(player.has_value(), gateway->viewers())) player->begin();
   gateway.reset();
@@ -110,9 +96,9 @@ void add_watch_command(CLI::App& app) {
   CLI::App& command = *app.add_subcommand(
       "watch", "operator side: a live page of a session, or of a recording, for a browser here");
   command.add_option("--session", arguments->session,
-                     "socket of touch --publish; without it a recording is played");
+                     "the file that touch --record writes; without it a recording is played");
   command.add_option("--acquire", arguments->acquire,
-                     "socket of acquire --publish; without it no windows are seen");
+                     "the file that acquire --record writes; without it no windows are seen");
   command.add_option("--recording", arguments->recordings,
                      "play recordings instead: touch --record, and with it acquire --record");
   command.add_option("--service", arguments->address, "where maps come from (default: the session's)")

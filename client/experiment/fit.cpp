@@ -1,13 +1,14 @@
 #include "client/experiment/fit.h"
 
+#include <nlopt.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <stdexcept>
 #include <string>
-
-#include "client/experiment/nelder_mead.h"
 
 namespace teletact::client {
 namespace {
@@ -34,7 +35,9 @@ Limits limits_of(const std::vector<StimulusCount>& counts, const FitOptions& opt
           std::log(kBetaMax), options.lapse_rate_max};
 }
 
-// Parameters of the search, (ln threshold, ln beta, lapse), clamped into the limits.
+using Parameters = std::array<double, 3>;  // of the search: ln threshold, ln beta, lapse rate
+
+// Parameters clamped into the limits.
 struct Point {
   Weibull function;
   double outside = 0;  // distance from the limits
@@ -95,23 +98,42 @@ bool steps(const std::vector<StimulusCount>& counts) {
   return last_not_harder <= first_harder;
 }
 
+// Nelder and Mead's downhill simplex (Computer Journal 7, 1965): its first step and last width.
+struct Simplex {
+  double first_step, tolerance;
+};
+
 Fit descend(const std::vector<StimulusCount>& counts, const FitOptions& options, const Weibull& start,
-            NelderMeadOptions search) {
+            const Simplex& simplex) {
+  constexpr int kMaxEvaluations = 2000;
   const Limits limits = limits_of(counts, options);
-  const auto cost = [&](const Parameters& at) {
-    const Point point = point_at(at, limits);
+  auto cost = [&](unsigned dimensions, const double* at) {
+    const Point point = point_at({at[0], at[1], dimensions > 2 ? at[2] : 0}, limits);
     return cost_of(counts, options.method, point.function) + point.outside;
   };
-  const Parameters from{std::log(threshold_n_m(start)), std::log(start.beta), start.lapse_rate};
-  if (options.lapse_rate_max > 0) search.first_step = std::min(search.first_step, options.lapse_rate_max);
-  const NelderMeadResult found = nelder_mead(cost, from, options.lapse_rate_max > 0 ? 3 : 2, search);
-  const Point point = point_at(found.at, limits);
+  const bool lapses = options.lapse_rate_max > 0;
+  const std::unique_ptr<nlopt_opt_s, decltype(&nlopt_destroy)> search(
+      nlopt_create(NLOPT_LN_NELDERMEAD, lapses ? 3 : 2), nlopt_destroy);
+  nlopt_set_min_objective(
+      search.get(),
+      [](unsigned dimensions, const double* at, double*, void* of) {
+        return (*static_cast<decltype(cost)*>(of))(dimensions, at);
+      },
+      &cost);
+  nlopt_set_initial_step1(search.get(),
+                          lapses ? std::min(simplex.first_step, options.lapse_rate_max) : simplex.first_step);
+  nlopt_set_xtol_abs1(search.get(), simplex.tolerance);
+  nlopt_set_maxeval(search.get(), kMaxEvaluations);
+  Parameters at{std::log(threshold_n_m(start)), std::log(start.beta), start.lapse_rate};
+  double least = 0;
+  const nlopt_result ended = nlopt_optimize(search.get(), at.data(), &least);
+  const Point point = point_at(at, limits);
   const double ln_threshold = std::log(threshold_n_m(point.function)),
                ln_beta = std::log(point.function.beta);
   Fit fit;
   fit.function = point.function;
   fit.cost = cost_of(counts, options.method, point.function);
-  fit.converged = found.converged;
+  fit.converged = ended == NLOPT_XTOL_REACHED;
   fit.at_limit = steps(counts) || ln_threshold < limits.ln_threshold_min + kAtLimit ||
                  ln_threshold > limits.ln_threshold_max - kAtLimit ||
                  ln_beta < limits.ln_beta_min + kAtLimit || ln_beta > limits.ln_beta_max - kAtLimit;

@@ -4,7 +4,6 @@
 #include <stdexcept>
 
 #include "client/render/kalman_renderer.h"
-#include "client/render/renderers.h"
 
 namespace teletact::client {
 namespace {
@@ -15,7 +14,9 @@ constexpr double kServoS = 0.001;
 std::unique_ptr<Renderer> renderer_of(const std::optional<SpringChain>& chain) {
   if (!chain) return nullptr;
   validate(*chain);
-  return make_renderer(chain->renderer, kServoS);
+  KalmanOptions options;
+  options.blend.servo_period_s = kServoS;
+  return std::make_unique<KalmanRenderer>(options);
 }
 
 // Without zeros behind the point.
@@ -47,8 +48,7 @@ ServoOptions servo_options(const HapticDevice& device) {
 std::string condition_of(const std::optional<SpringChain>& chain, const SpringPlace& place) {
   std::string text = kPerfectStiffness;
   if (chain)
-    text = chain->renderer + " at " + number(chain->update_hz) + " Hz " + number(1e3 * chain->age_s) +
-           " ms late";
+    text = "kalman at " + number(chain->update_hz) + " Hz " + number(1e3 * chain->age_s) + " ms late";
   if (place.width_m > 0)
     text += " on an inclusion of " + number(1e3 * place.width_m) + " mm with edges of " +
             number(1e3 * place.edge_m) + " mm";
@@ -56,7 +56,6 @@ std::string condition_of(const std::optional<SpringChain>& chain, const SpringPl
 }
 
 void validate(const SpringChain& chain) {
-  make_renderer(chain.renderer, kServoS);
   if (!(chain.update_hz >= 1 && chain.update_hz <= 1000))
     throw std::invalid_argument("update_hz: give 1 to 1000 answers a second");
   if (!(chain.age_s >= 0 && chain.age_s <= 0.3))
@@ -138,7 +137,7 @@ std::string SpringDisplay::trouble() const {
 }
 
 void SpringDisplay::answer_poses() {
-  const auto known = static_cast<unsigned>(KalmanOptions().outliers_in_a_row);  // by then any renderer has it
+  const auto known = static_cast<unsigned>(KalmanOptions().outliers_in_a_row);  // by then the filter has it
   ServoPose pose;
   while (!stop_) {
     {

@@ -1,6 +1,6 @@
 // A spring below y = 0 on a haptic device, or an inclusion of it in a background, for a person to feel,
 // through the servo loop and its whole safety chain: perfect stiffness, with nothing to wait for, or the
-// whole chain, a renderer that is told of the spring as seldom and as late as a service tells. What is next
+// whole chain, the Kalman filter told of the spring as seldom and as late as a service tells. What is next
 // is shown once the finger has been lifted: force is paused and comes back, with its start ramp, when the
 // finger is out of contact and the renderer knows.
 #pragma once
@@ -24,9 +24,8 @@ namespace teletact::client {
 // What lies between a stimulus and who feels it; none of it: perfect stiffness. As the simulated observers
 // have it (teletact-bench paper psychometric).
 struct SpringChain {
-  std::string renderer = "kalman";  // renderers.h
-  double update_hz = 100;           // answers
-  double age_s = 0.005;             // of an answer as it comes
+  double update_hz = 100;  // answers
+  double age_s = 0.005;    // of an answer as it comes
 };
 
 // Where the stimulus is felt: everywhere, or in an inclusion about kInclusionCentreM, with the background
@@ -41,8 +40,8 @@ constexpr double kInclusionCentreM = 0.03;  // to the right of where the device 
 // mm".
 std::string condition_of(const std::optional<SpringChain>&, const SpringPlace& place = {});
 
-// Throws std::invalid_argument naming the field: an unknown renderer, update_hz outside 1 to 1000, age_s
-// outside 0 to 0.3; width_m neither 0 nor 0.01 to 0.05, edge_m outside 0.0005 to 0.005.
+// Throws std::invalid_argument naming the field: update_hz outside 1 to 1000, age_s outside 0 to 0.3; width_m
+// neither 0 nor 0.01 to 0.05, edge_m outside 0.0005 to 0.005.
 void validate(const SpringChain&);
 void validate(const SpringPlace&);
 

@@ -4,11 +4,13 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl.h>
 #include <google/protobuf/util/delimited_message_util.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
+#include <utility>
 
 namespace teletact::client {
 namespace {
@@ -18,10 +20,37 @@ namespace io = google::protobuf::io;
 
 constexpr std::uint32_t kMaxEntryBytes = std::uint32_t{1} << 30;
 
+// A lock of an open file, not of a process: what else this one opens and closes does not end it.
+struct flock whole_file() {
+  struct flock whole {};
+  whole.l_type = F_WRLCK;
+  whole.l_whence = SEEK_SET;
+  return whole;
+}
+
+// Some file systems know no locks: there nobody is kept away.
+FileDescriptor locked(const std::string& path, int flags) {
+  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | flags, S_IRUSR | S_IWUSR));
+  struct flock whole = whole_file();
+  if (file && ::fcntl(file.get(), F_OFD_SETLK, &whole) != 0 && (errno == EAGAIN || errno == EACCES))
+    throw std::runtime_error("cannot write the recording '" + path +
+                             "': another session writes it; choose another file with --record");
+  return file;
+}
+
+// Another file than an earlier session's, which somebody may still read.
+FileDescriptor hold(const std::string& path) {
+  FileDescriptor file = locked(path, 0);
+  struct stat status {};
+  const bool earlier = ::lstat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_size > 0;
+  if (earlier && file && ::unlink(path.c_str()) == 0) file = locked(path, O_EXCL);
+  return file;
+}
+
 }  // namespace
 
 RecordWriter::RecordWriter(const std::string& path, const v1::RecordHeader& header)
-    : path_(path), file_(path, std::ios::binary | std::ios::trunc) {
+    : path_(path), held_(hold(path)), file_(path, std::ios::binary | std::ios::trunc) {
   v1::RecordEntry first;
   *first.mutable_header() = header;
   first.mutable_header()->set_version(kRecordingVersion);
@@ -73,13 +102,17 @@ void RecordWriter::run() {
   while (true) {
     changed_.wait(lock, [this] { return closing_ || !queue_.empty(); });
     if (queue_.empty()) return;
-    const v1::RecordEntry entry = std::move(queue_.front());
-    queue_.pop_front();
+    const std::deque<v1::RecordEntry> entries = std::exchange(queue_, {});
     lock.unlock();
-    const bool written = util::SerializeDelimitedToOstream(entry, &file_);
+    std::size_t bytes = 0;
+    for (const v1::RecordEntry& entry : entries) {
+      util::SerializeDelimitedToOstream(entry, &file_);
+      bytes += entry.ByteSizeLong();
+    }
+    file_.flush();
     lock.lock();
-    queued_bytes_ -= entry.ByteSizeLong();
-    if (!written || !file_) {
+    queued_bytes_ -= bytes;
+    if (!file_) {
       failed_ = true;
       queue_.clear();
       queued_bytes_ = 0;
@@ -97,22 +130,21 @@ void RecordWriter::close() {
   if (!thread_.joinable()) return;
   thread_.join();
   file_.close();
+  held_ = FileDescriptor();
   if (failed_ || !file_) {
     throw std::runtime_error("the recording '" + path_ + "' is incomplete: writing failed (disk full?)");
   }
 }
 
 struct RecordReader::Stream {
-  explicit Stream(int descriptor) : file(descriptor) { file.SetCloseOnDelete(true); }
+  explicit Stream(int descriptor) : file(descriptor) {}
   io::FileInputStream file;
 };
 
-RecordReader::RecordReader(const std::string& path) : path_(path) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) {
-    throw std::runtime_error("cannot read the recording '" + path + "': " + std::strerror(errno));
-  }
-  stream_ = std::make_unique<Stream>(descriptor);
+RecordReader::RecordReader(const std::string& path)
+    : path_(path), file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+  if (!file_) throw std::runtime_error("cannot read the recording '" + path + "': " + std::strerror(errno));
+  stream_ = std::make_unique<Stream>(file_.get());
   std::optional<v1::RecordEntry> first;
   try {
     first = next();
@@ -130,21 +162,31 @@ RecordReader::RecordReader(const std::string& path) : path_(path) {
 
 RecordReader::~RecordReader() = default;
 
+bool RecordReader::is_written() const {
+  struct flock whole = whole_file();
+  return ::fcntl(file_.get(), F_OFD_GETLK, &whole) == 0 && whole.l_type != F_UNLCK;
+}
+
 std::optional<v1::RecordEntry> RecordReader::next() {
   // A coded stream per entry: its limit counts the bytes of one entry, not those of the file.
-  io::CodedInputStream coded(&stream_->file);
+  std::optional<io::CodedInputStream> coded(&stream_->file);
   const void* next_bytes = nullptr;
   int ready = 0;
-  if (!coded.GetDirectBufferPointer(&next_bytes, &ready)) return std::nullopt;  // the end, after an entry
+  if (!coded->GetDirectBufferPointer(&next_bytes, &ready)) return std::nullopt;  // the end, after an entry
   std::uint32_t bytes = 0;
   std::string body;
-  const bool has_length = coded.ReadVarint32(&bytes);
+  const bool has_length = coded->ReadVarint32(&bytes);
   if (has_length && bytes > kMaxEntryBytes)
     throw std::runtime_error("the recording '" + path_ + "' is damaged");
-  if (!has_length || !coded.ReadString(&body, static_cast<int>(bytes))) {
+  if (!has_length || !coded->ReadString(&body, static_cast<int>(bytes))) {
     truncated_ = true;
+    coded.reset();
+    ::lseek(file_.get(), at_, SEEK_SET);  // the rest of it may be written yet
+    stream_ = std::make_unique<Stream>(file_.get());
     return std::nullopt;
   }
+  truncated_ = false;
+  at_ += coded->CurrentPosition();
   v1::RecordEntry entry;
   if (!entry.ParseFromString(body)) throw std::runtime_error("the recording '" + path_ + "' is damaged");
   return entry;

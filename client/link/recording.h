@@ -12,6 +12,7 @@
 #include <string>
 #include <thread>
 
+#include "common/file_descriptor.h"
 #include "teletact/v1/recording.pb.h"
 
 namespace teletact::client {
@@ -50,26 +51,21 @@ v1::RecordEntry recorded(const Message& message, std::int64_t time_ns, std::uint
   return entry;
 }
 
-// Where what is sent, heard and felt goes, beside its own way. No call waits.
-class RecordSink {
- public:
-  virtual ~RecordSink() = default;
-  virtual void append(v1::RecordEntry entry) = 0;
-};
-
-// Writes entries on a thread of its own, so that neither the servo nor the link ever waits for a disk.
-class RecordWriter : public RecordSink {
+// Writes entries on a thread of its own, so that neither the servo nor the link ever waits for a disk. What
+// is written can be read at once (RecordReader::is_written()), and no other writer takes the file meanwhile.
+class RecordWriter {
  public:
   static constexpr std::size_t kMaxQueuedBytes = std::size_t{256} << 20;
 
-  // Creates the file and writes the header. Throws std::runtime_error, naming the file, when it cannot.
+  // Creates the file, for this user alone, and writes the header. Throws std::runtime_error, naming the file,
+  // when it cannot, or another process writes it.
   RecordWriter(const std::string& path, const v1::RecordHeader& header);
-  ~RecordWriter() override;  // as close(), errors swallowed
+  ~RecordWriter();  // as close(), errors swallowed
   RecordWriter(const RecordWriter&) = delete;
   RecordWriter& operator=(const RecordWriter&) = delete;
 
   // Takes the entry, or drops and counts it when kMaxQueuedBytes wait for the disk. Never blocks on the disk.
-  void append(v1::RecordEntry entry) override;
+  void append(v1::RecordEntry entry);
   // Takes the entry; waits while kMaxQueuedBytes wait for the disk. For senders that may wait.
   void append_waiting(v1::RecordEntry entry);
   // Writes what is queued and closes. Throws std::runtime_error when anything could not be written.
@@ -81,6 +77,7 @@ class RecordWriter : public RecordSink {
   void push(v1::RecordEntry entry, std::size_t bytes);
 
   std::string path_;
+  FileDescriptor held_;  // locked while this writes
   std::ofstream file_;
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -102,15 +99,20 @@ class RecordReader {
   RecordReader& operator=(const RecordReader&) = delete;
 
   const v1::RecordHeader& header() const { return header_; }
-  // The next entry after the header; none at the end. Throws std::runtime_error on a damaged entry. A last
-  // entry cut short (the writer was killed) ends the recording and sets truncated().
+  // The next entry after the header; none at the end, but later, where it is still written. Throws
+  // std::runtime_error on a damaged entry. A last entry cut short (the writer was killed) ends the recording
+  // and sets truncated().
   std::optional<v1::RecordEntry> next();
   bool truncated() const { return truncated_; }
+  // Whether a RecordWriter of this machine has the file.
+  bool is_written() const;
 
  private:
   struct Stream;
   std::string path_;
+  FileDescriptor file_;
   std::unique_ptr<Stream> stream_;
+  std::int64_t at_ = 0;  // where the next entry begins
   v1::RecordHeader header_;
   bool truncated_ = false;
 };

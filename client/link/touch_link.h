@@ -49,7 +49,7 @@ struct TouchLinkOptions {
   double dead_s = 0.6;       // the force is long zero then: nothing is lost by opening a new stream
   double open_wait_s = 5.0;  // for TouchOpened: the service may have to condense the model first
   double yield_s = 1.0;      // that who does not steer moves later
-  RecordSink* recorder = nullptr;
+  RecordWriter* recorder = nullptr;
   LatestSlot<NearLaw>* laws = nullptr;  // where the law around the finger goes; null: none is asked for
 };
 

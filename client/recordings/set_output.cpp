@@ -10,7 +10,7 @@
 
 #include "client/acquire/map_output.h"
 #include "client/files/netcdf.h"
-#include "client/files/png.h"
+#include "client/files/picture.h"
 #include "client/files/vti.h"
 
 namespace teletact::client {

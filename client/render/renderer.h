@@ -2,7 +2,6 @@
 // Pure and allocation-free: no clock, no thread, no gRPC; time is an argument.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <limits>
 
@@ -71,12 +70,6 @@ class Renderer {
     return render(pose, time_s, std::numeric_limits<double>::infinity());
   }
 };
-
-// Held by a spring: k d^2 / 2; nothing where it pulls or outside of the tissue.
-inline double spring_energy_j(double stiffness_n_m, double indentation_m) noexcept {
-  const double depth_m = std::max(indentation_m, 0.0);
-  return std::max(stiffness_n_m, 0.0) * depth_m * depth_m / 2;
-}
 
 // Finite in every field that a renderer reads.
 bool is_finite(const ForceSample&) noexcept;

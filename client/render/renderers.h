@@ -10,11 +10,9 @@
 
 namespace teletact::client {
 
-// That render what answers tell: kalman (force and tangent), kalman-force (the source paper's), interpolate,
-// hold.
+// law: the tissue's contact law, which a link has to bring; without one it is the Kalman filter. kalman: that
+// filter, of what answers tell (force and tangent).
 const std::vector<std::string>& renderer_names();
-// These, and law: the tissue's contact law, which a link has to bring; without one it is the Kalman filter.
-const std::vector<std::string>& touch_renderer_names();
 
 // Throws std::invalid_argument listing the known names.
 // `limits`: of the display.

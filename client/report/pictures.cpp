@@ -4,29 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <limits>
-#include <stdexcept>
 
-#include "client/files/png.h"
+#include "client/files/picture.h"
 
 namespace teletact::client {
 namespace {
 
-// Runs gnuplot on a script that comes through its standard input.
-void plot(const std::filesystem::path& file, const std::string& size, const std::string& script) {
-  const std::string whole = fmt::format(
-      "set terminal pngcairo size {} font 'sans,11'\nset output {}\nset grid lc rgb '#dddddd'\nset key top "
-      "right\n{}",
-      size, gnuplot_string(file.string()), script);
-  FILE* pipe = popen("gnuplot", "w");
-  if (pipe == nullptr) throw std::runtime_error("gnuplot could not be started; install gnuplot-nox");
-  const bool written = std::fwrite(whole.data(), 1, whole.size(), pipe) == whole.size();
-  const int status = pclose(pipe);
-  if (!written || status != 0)
-    throw std::runtime_error(file.string() + ": gnuplot failed; is gnuplot-nox installed?");
-}
+const std::string kLook = "set grid lc rgb '#dddddd'\nset key top right\n";
 
 // Counts per bin of a logarithmic histogram, as gnuplot data "centre count"; values in ms.
 std::string histogram(const std::string& name, const std::vector<double>& values_s) {
@@ -50,12 +36,6 @@ std::vector<double> differences(const std::vector<double>& times_s) {
 }
 
 }  // namespace
-
-std::string gnuplot_string(const std::string& text) {
-  std::string out = "'";
-  for (const char c : text) out += c == '\'' ? "''" : std::string(1, c);
-  return out + "'";
-}
 
 void draw_modulus(const std::filesystem::path& file, const Tissue& tissue, const ModulusGrid& estimated) {
   Panel truth;
@@ -120,8 +100,8 @@ bool draw_force(const std::filesystem::path& file, const std::vector<ForceSample
   // The way goes to and fro: there each sample has a bar of its own.
   const Look over_way{"2", "2:3:(0):($4-$3) with vectors nohead", kPoints, kPoints},
       over_time{"1", "1:3:4 with filledcurves", "lines lw 3", "lines"};
-  plot(file, "1100,800",
-       felt + "EOD\n" + (stated ? band + "EOD\n" : "") + (known ? truth + "EOD\n" : "") +
+  plot(file, 1100, 800,
+       kLook + felt + "EOD\n" + (stated ? band + "EOD\n" : "") + (known ? truth + "EOD\n" : "") +
            "set multiplot layout 2,1\nset ylabel 'force (N)'\nset yrange [0:*]\n" +
            panel("position along the surface (mm)", over_way) + panel("time (s)", over_time) +
            "unset multiplot\n");
@@ -131,8 +111,8 @@ bool draw_force(const std::filesystem::path& file, const std::vector<ForceSample
 void draw_latency(const std::filesystem::path& file, const TouchRecord& touch) {
   std::vector<double> latency_s;
   for (const TouchAnswerTime& answer : touch.answers) latency_s.push_back(answer.latency_s);
-  plot(file, "800,500",
-       histogram("latency", latency_s) +
+  plot(file, 800, 500,
+       kLook + histogram("latency", latency_s) +
            "set logscale x\nset xlabel 'pose sampled to answer received (ms)'\nset ylabel 'answers'\nset "
            "xrange "
            "[0.1:1000]\nset style fill solid 0.6\nplot $latency using 1:2 with boxes lc rgb '#3060a0' "
@@ -143,8 +123,8 @@ void draw_periods(const std::filesystem::path& file, const TouchRecord& touch) {
   std::vector<double> ticks_s, answers_s;
   for (const TouchTick& tick : touch.ticks) ticks_s.push_back(tick.time_s);
   for (const TouchAnswerTime& answer : touch.answers) answers_s.push_back(answer.arrived_s);
-  plot(file, "800,700",
-       histogram("servo", differences(ticks_s)) + histogram("answers", differences(answers_s)) +
+  plot(file, 800, 700,
+       kLook + histogram("servo", differences(ticks_s)) + histogram("answers", differences(answers_s)) +
            "set multiplot layout 2,1\nset logscale xy\nset xrange [0.05:1000]\nset yrange [0.5:*]\n"
            "set style fill solid 0.6\nset xlabel 'servo period (ms)'\nset ylabel 'ticks'\n"
            "plot $servo using 1:2 with boxes lc rgb '#3060a0' notitle\n"

@@ -12,7 +12,6 @@
 
 #include "client/clock/clock.h"
 #include "client/link/channel.h"
-#include "client/link/publisher.h"
 #include "client/link/scenes.h"
 #include "client/link/servo_messages.h"
 #include "client/render/renderers.h"
@@ -28,8 +27,8 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
-constexpr double kDrainS = 0.02, kWatchedDrainS = 0.01;  // between looks at the servo's ticks
-constexpr double kFiguresS = 0.5;                        // between what is recorded of the figures so far
+constexpr double kDrainS = 0.01;   // between looks at the servo's ticks
+constexpr double kFiguresS = 0.5;  // between what is recorded of the figures so far
 
 // The scene with something to touch, waited for up to `wait_s`.
 v1::Scene wait_for_scene(const OperatorSessionOptions& options, const std::atomic<bool>& stop) {
@@ -164,30 +163,23 @@ v1::RecordHeader header_of(const OperatorSessionOptions& options) {
   return header;
 }
 
-// Where the session goes: into a file, to whoever looks, or nowhere.
+// Where the session goes: into a file, or nowhere.
 struct Kept {
   explicit Kept(const OperatorSessionOptions& options) {
-    if (!options.record_path.empty())
-      recorder = std::make_unique<RecordWriter>(options.record_path, header_of(options));
-    if (!options.publish_path.empty())
-      publisher = std::make_unique<Publisher>(options.publish_path, header_of(options));
-    sinks.add(recorder.get());
-    sinks.add(publisher.get());
-    if (!sinks.empty()) log = std::make_unique<RecordedLog>(sinks);
+    if (options.record_path.empty()) return;
+    recorder = std::make_unique<RecordWriter>(options.record_path, header_of(options));
+    log = std::make_unique<RecordedLog>(*recorder);
   }
-  RecordSink* sink() { return sinks.empty() ? nullptr : &sinks; }
   void append(const TouchSummary& summary, std::int64_t now_ns) {
-    if (!sinks.empty()) sinks.append(to_record(summary, now_ns));
+    if (recorder) recorder->append(to_record(summary, now_ns));
   }
 
   std::unique_ptr<RecordWriter> recorder;
-  std::unique_ptr<Publisher> publisher;
-  RecordSinks sinks;
   std::unique_ptr<RecordedLog> log;
 };
 
 // Empties the servo's telemetry into the statistics, the log and the recording.
-void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordSink* recorder) {
+void drain(ServoLoop& servo, TickStatistics& statistics, TickLog& log, RecordWriter* recorder) {
   ServoTick tick;
   while (servo.telemetry().pop(tick)) {
     statistics.add(tick);
@@ -203,7 +195,7 @@ bool finished(const OperatorSessionOptions& options, const HapticDevice& device,
   return options.duration_s > 0 && spent_s(statistics, options.lost_s) >= options.duration_s;
 }
 
-TouchLinkOptions link_options_of(const OperatorSessionOptions& options, RecordSink* recorder) {
+TouchLinkOptions link_options_of(const OperatorSessionOptions& options, RecordWriter* recorder) {
   TouchLinkOptions link;
   link.address = options.address;
   link.credentials = options.credentials;
@@ -293,7 +285,7 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   const auto renderer = make_renderer(options.renderer, servo_options.period_s, servo_options.chain.limits);
   MonotonicClock clock;
   const auto servo = std::make_unique<ServoLoop>(*device, *renderer, clock, servo_options);
-  TouchLinkOptions link_options = link_options_of(options, kept.sink());
+  TouchLinkOptions link_options = link_options_of(options, kept.recorder.get());
   if (options.renderer == "law") link_options.laws = &servo->laws();
   TouchLink link(std::move(link_options), servo->poses(), servo->answers(), clock);
   ServoThread servo_thread(*servo, {options.real_time, options.servo_begins, options.servo_ended});
@@ -308,8 +300,8 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   double tactile_shown_s = 0, figures_s = 0;
   while (!stop && link.failure().empty() && !servo_thread.over() && !adapter.stuck() &&
          !finished(options, *device, summary.ticks)) {
-    std::this_thread::sleep_for(Seconds(options.publish_path.empty() ? kDrainS : kWatchedDrainS));
-    drain(*servo, summary.ticks, log, kept.sink());
+    std::this_thread::sleep_for(Seconds(kDrainS));
+    drain(*servo, summary.ticks, log, kept.recorder.get());
     const std::optional<RealTime> granted = servo_thread.real_time();
     if (granted && summary.real_time.text.empty()) spdlog::info("servo: {}", granted->text);
     summary.real_time = granted.value_or(RealTime());
@@ -332,10 +324,9 @@ TouchSummary run_operator_session(const OperatorSessionOptions& options, const s
   }
   servo_thread.stop();
   link.stop();
-  drain(*servo, summary.ticks, log, kept.sink());
+  drain(*servo, summary.ticks, log, kept.recorder.get());
   finish(summary, link, *servo, *device);
   kept.append(summary, clock.now_ns());
-  if (kept.publisher) summary.publish_dropped = kept.publisher->dropped();
   if (kept.recorder) {
     summary.record_dropped = kept.recorder->dropped();
     kept.recorder->close();

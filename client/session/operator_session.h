@@ -23,7 +23,7 @@ struct OperatorSessionOptions {
   v1::TouchOpen open;
   std::string device = "simulated";     // as devices.h reads it
   std::string profile = "premium-1.5";  // of a simulated or replayed device
-  std::string renderer = "law";         // or kalman, kalman-force, interpolate, hold
+  std::string renderer = "law";         // or kalman
   WorkspaceOptions workspace;           // of a real device
   HandOptions hand;                     // of a simulated device; its places: see below
   std::optional<double> begin_m;        // of the sweep; absent: the tip's reach within what is covered
@@ -34,11 +34,10 @@ struct OperatorSessionOptions {
   double duration_s =
       0;  // end after so long with force on, or lost for over lost_s at a stretch; 0 = no limit
   double lost_s = 5;
-  double wait_s = 0;         // for the service, the scene and its first window
-  double connect_s = 2;      // for the service, at least
-  double still_s = 3;        // of standing still before a person is told what is waited for
-  std::string record_path;   // empty: no recording
-  std::string publish_path;  // Unix socket to publish the session at, as it is recorded; empty: nobody looks
+  double wait_s = 0;        // for the service, the scene and its first window
+  double connect_s = 2;     // for the service, at least
+  double still_s = 3;       // of standing still before a person is told what is waited for
+  std::string record_path;  // empty: no recording
   std::vector<std::string> arguments;
   // The key that was pressed, 0 for none: Enter resumes, Space pauses, c clutches a real device and releases
   // it, h hands the lease of the probe over.
@@ -62,7 +61,6 @@ struct TouchSummary {
   std::uint64_t rejected_answers = 0;
   std::uint64_t telemetry_dropped = 0;
   std::uint64_t record_dropped = 0;
-  std::uint64_t publish_dropped = 0;
   unsigned passes = 0;
 };
 

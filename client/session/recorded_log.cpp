@@ -13,7 +13,7 @@ namespace {
 
 class Lines : public spdlog::sinks::base_sink<std::mutex> {
  public:
-  explicit Lines(RecordSink& sink) : sink_(sink) {}
+  explicit Lines(RecordWriter& writer) : writer_(writer) {}
 
  protected:
   void sink_it_(const spdlog::details::log_msg& message) override {
@@ -21,18 +21,18 @@ class Lines : public spdlog::sinks::base_sink<std::mutex> {
     entry.set_monotonic_ns(monotonic_ns());
     entry.mutable_log()->set_warning(message.level >= spdlog::level::warn);
     entry.mutable_log()->set_text(std::string(message.payload.data(), message.payload.size()));
-    sink_.append(std::move(entry));
+    writer_.append(std::move(entry));
   }
   void flush_() override {}
 
  private:
-  RecordSink& sink_;
+  RecordWriter& writer_;
 };
 
 }  // namespace
 
-RecordedLog::RecordedLog(RecordSink& sink)
-    : logger_(spdlog::default_logger()), lines_(std::make_shared<Lines>(sink)) {
+RecordedLog::RecordedLog(RecordWriter& writer)
+    : logger_(spdlog::default_logger()), lines_(std::make_shared<Lines>(writer)) {
   logger_->sinks().push_back(lines_);
 }
 

@@ -11,8 +11,8 @@ namespace teletact::client {
 
 class RecordedLog {
  public:
-  // Borrows the sink. Before and after other threads log.
-  explicit RecordedLog(RecordSink& sink);
+  // Borrows the writer. Before and after other threads log.
+  explicit RecordedLog(RecordWriter& writer);
   ~RecordedLog();
   RecordedLog(const RecordedLog&) = delete;
   RecordedLog& operator=(const RecordedLog&) = delete;

@@ -164,7 +164,7 @@ void Player::make_scene(v1::Palpation::Stub& stub) {
   RecordReader reader(options_.path);
   bool frames = false;
   while (const auto entry = reader.next()) {
-    frames = frames || entry->has_estimate_request();
+    frames = frames || entry->estimate_request().has_chunk();
     if (!entry->has_scene()) continue;
     if (!frames) fail_nothing_to_play();  // and nothing is left behind
     v1::CreateSceneRequest create;
@@ -192,7 +192,7 @@ ReplayReport Player::play() {
   while (!stop_) {
     const auto call = calls_.next();
     if (!call) break;
-    if (call->requests.empty()) continue;
+    if (call->requests.size() < (report_.kind == "acquire" ? 2 : 1)) continue;  // its frames were not kept
     ++report_.calls;
     if (report_.kind == "acquire") {
       play_estimate(*call);

@@ -1,10 +1,12 @@
 #include "client/watch/sources.h"
 
-#include <google/protobuf/io/coded_stream.h>
 #include <poll.h>
-#include <sys/socket.h>
+#include <sys/inotify.h>
+#include <unistd.h>
 
+#include <array>
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <utility>
 
@@ -12,12 +14,10 @@
 #include "client/link/recording.h"
 #include "client/link/retry.h"
 #include "client/link/scenes.h"
-#include "client/link/unix_socket.h"
+#include "common/file_descriptor.h"
 
 namespace teletact::client {
 namespace {
-
-constexpr std::uint32_t kMaxEntryBytes = 16 << 20;
 
 void nap(double wait_s, const std::atomic<bool>& stop) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(wait_s);
@@ -25,76 +25,67 @@ void nap(double wait_s, const std::atomic<bool>& stop) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
 }
 
-// Takes entries off the front of what came. None: the rest is a part of one. Throws when it is none.
-bool next_entry(std::string& bytes, std::size_t& at, v1::RecordEntry& entry) {
-  google::protobuf::io::CodedInputStream coded(reinterpret_cast<const std::uint8_t*>(bytes.data()) + at,
-                                               static_cast<int>(bytes.size() - at));
-  std::uint32_t size = 0;
-  if (!coded.ReadVarint32(&size)) return false;
-  if (size > kMaxEntryBytes) throw std::runtime_error("an entry of " + std::to_string(size) + " bytes");
-  const auto begin = static_cast<std::size_t>(coded.CurrentPosition());
-  if (bytes.size() - at - begin < size) return false;
-  if (!entry.ParseFromArray(bytes.data() + at + begin, static_cast<int>(size)))
-    throw std::runtime_error("what came is no entry of a session");
-  at += begin + size;
-  return true;
+// What wakes whoever waits for a file to grow.
+FileDescriptor growth_of(const std::string& path) {
+  FileDescriptor watched(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
+  ::inotify_add_watch(watched.get(), path.c_str(), IN_MODIFY);
+  return watched;
+}
+
+// At most 50 ms: on a file system of another machine nothing wakes.
+void wait_for(const FileDescriptor& growth) {
+  pollfd polled{growth.get(), POLLIN, 0};
+  ::poll(&polled, 1, 50);
+  std::array<char, 4096> events{};
+  [[maybe_unused]] const auto read = ::read(growth.get(), events.data(), events.size());
 }
 
 }  // namespace
 
-PublishedSource::PublishedSource(std::string path, std::string name, bool first, View& view)
+SessionSource::SessionSource(std::string path, std::string name, bool first, View& view)
     : path_(std::move(path)), name_(std::move(name)), first_(first), view_(view), thread_([this] {
         run();
       }) {}
 
-PublishedSource::~PublishedSource() {
+SessionSource::~SessionSource() {
   stop_ = true;
   thread_.join();
 }
 
-void PublishedSource::run() {
+void SessionSource::run() {
   constexpr double kRetryS = 0.2;
   view_.tell(name_, "waiting for " + path_);
-  while (!stop_) {
-    const FileDescriptor file = connect_to(path_);
-    if (!file) {
-      nap(kRetryS, stop_);
-      continue;
-    }
+  for (; !stop_; nap(kRetryS, stop_)) {
     std::string why = "ended";
     try {
-      read(file.get());
+      RecordReader reader(path_);
+      if (!reader.is_written()) continue;  // of an earlier session
+      follow(reader);
     } catch (const std::exception& error) {
+      if (!std::filesystem::exists(path_)) continue;
       why = std::string("broken off: ") + error.what();
     }
     if (first_) view_.complete_row();
     view_.tell(name_, why);
-    nap(kRetryS, stop_);
   }
 }
 
-void PublishedSource::read(int file) {
-  std::string bytes;
-  std::vector<char> buffer(1 << 16);
-  std::size_t at = 0;
-  v1::RecordEntry entry;
-  while (!stop_) {
-    pollfd polled{file, POLLIN, 0};
-    if (::poll(&polled, 1, 50) <= 0) continue;
-    const ssize_t got = ::recv(file, buffer.data(), buffer.size(), 0);
-    if (got <= 0) return;
-    bytes.append(buffer.data(), static_cast<std::size_t>(got));
-    while (next_entry(bytes, at, entry)) {
-      if (entry.has_header()) {
-        if (entry.header().version() != kRecordingVersion)
-          throw std::runtime_error("it is of version " + std::to_string(entry.header().version()) +
-                                   ", and this client reads version " + std::to_string(kRecordingVersion));
-        if (first_) view_.restart();
-        view_.tell(name_, "live");
-      }
-      view_.take(entry);
+void SessionSource::follow(RecordReader& reader) {
+  const FileDescriptor growth = growth_of(path_);
+  if (first_) view_.restart();
+  v1::RecordEntry header;
+  *header.mutable_header() = reader.header();
+  view_.take(header);
+  for (bool written = true, live = false; !stop_;) {
+    if (const auto entry = reader.next()) {
+      view_.take(*entry);
+    } else if (!written) {
+      return;
+    } else {
+      if (!std::exchange(live, true)) view_.tell(name_, "live");
+      written = reader.is_written();  // before the last look at what it wrote
+      if (written) wait_for(growth);
     }
-    bytes.erase(0, std::exchange(at, 0));
   }
 }
 

@@ -1,4 +1,4 @@
-// Where what is shown comes from: sessions that are published, and the service that holds their scene.
+// Where what is shown comes from: what sessions record, and the service that holds their scene.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -9,23 +9,24 @@
 #include <thread>
 
 #include "client/link/credentials.h"
+#include "client/link/recording.h"
 #include "client/watch/view.h"
 
 namespace teletact::client {
 
-// Takes the entries of a session that is published at `path`, and waits for it, or the next one, while there
-// is none.
-class PublishedSource {
+// Takes the entries of a session as it records them at `path`, from its beginning, and waits for it, or the
+// next one, while there is none.
+class SessionSource {
  public:
   // `name`: what the status calls it. `first`: another session there begins the view anew.
-  PublishedSource(std::string path, std::string name, bool first, View& view);
-  ~PublishedSource();
-  PublishedSource(const PublishedSource&) = delete;
-  PublishedSource& operator=(const PublishedSource&) = delete;
+  SessionSource(std::string path, std::string name, bool first, View& view);
+  ~SessionSource();
+  SessionSource(const SessionSource&) = delete;
+  SessionSource& operator=(const SessionSource&) = delete;
 
  private:
   void run();
-  void read(int file);
+  void follow(RecordReader& reader);
 
   const std::string path_, name_;
   const bool first_;

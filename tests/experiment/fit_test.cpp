@@ -6,7 +6,6 @@
 
 #include <cmath>
 
-#include "client/experiment/nelder_mead.h"
 #include "tests/experiment/paper_tables.h"
 
 namespace teletact::client {
@@ -136,29 +135,8 @@ TEST(Fit, WhatCannotBeFittedIsRefusedByName) {
   EXPECT_NE(message({{0, 1, 4}, {30, 4, 1}}, plain).find("stimulus_n_m"), std::string::npos);
   EXPECT_NE(message({{NAN, 1, 4}, {30, 4, 1}}, plain).find("stimulus_n_m"), std::string::npos);
   const auto answers = perfect_stiffness_answers();
-  EXPECT_NE(message(answers, {FitMethod::kMaximumLikelihood, 0.7}).find("lapse_rate_max"),
-            std::string::npos);
+  EXPECT_NE(message(answers, {FitMethod::kMaximumLikelihood, 0.7}).find("lapse_rate_max"), std::string::npos);
   EXPECT_NE(message(answers, {FitMethod::kLeastSquares, 0.1}).find("lapse_rate_max"), std::string::npos);
-}
-
-TEST(NelderMead, FindsTheLeastOfRosenbrocksValley) {
-  const auto valley = [](const Parameters& at) {
-    return 100 * std::pow(at[1] - at[0] * at[0], 2) + std::pow(1 - at[0], 2);
-  };
-  const NelderMeadResult found = nelder_mead(valley, {-1.2, 1}, 2);
-  EXPECT_TRUE(found.converged);
-  EXPECT_NEAR(found.at[0], 1, 1e-7);
-  EXPECT_NEAR(found.at[1], 1, 1e-7);
-}
-
-TEST(NelderMead, NeverEndsWhereTheCostIsNotANumber) {
-  const auto hole = [](const Parameters& at) { return at[0] < 0.5 ? NAN : at[0] * at[0]; };
-  const NelderMeadResult found = nelder_mead(hole, {3}, 1);
-  EXPECT_NEAR(found.at[0], 0.5, 1e-6);
-  EXPECT_TRUE(std::isfinite(found.value));
-  const auto nowhere = [](const Parameters&) { return NAN; };
-  EXPECT_THROW(nelder_mead(nowhere, {0}, 1), std::invalid_argument);
-  EXPECT_THROW(nelder_mead(hole, {3}, 4), std::invalid_argument);
 }
 
 }  // namespace

@@ -122,9 +122,8 @@ TEST(Lift, OfASpringPressedToTheLargestForceLeavesNoForceInTheAirAndGivesBackNoM
           EXPECT_EQ(felt.withheld, 0) << what;
           EXPECT_EQ(felt.pulled_n, 0) << what;  // tissue never pulls
           EXPECT_NEAR(felt.largest_n, device.largest_force_n, 1e-9) << what;
-          // A force is as old as half a tick, one that is not a model's as its answer.
-          const double late_s = name.rfind("kalman", 0) == 0 ? kTickS / 2 : 0.005;
-          const double late_j = device.largest_force_n * late_s * (lift_m_s + Motion::kPressMS);
+          // A force is as old as half a tick.
+          const double late_j = device.largest_force_n * kTickS / 2 * (lift_m_s + Motion::kPressMS);
           const double step_j = stiffness_n_m * std::pow(lift_m_s * kTickS, 2);  // the one that leaves
           EXPECT_GE(felt.min_energy_j, -late_j - step_j) << what;
         }

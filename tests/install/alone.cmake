@@ -1,7 +1,7 @@
 # Configures one HALF of teletact alone in FOLDER, without tests, and looks at what it asked for and would link.
 # A package that CMake may not find stands for one that is not installed.
 set(client_asks_nothing_of OpenCL prometheus-cpp matio GTest)
-set(service_asks_nothing_of matio PNG GTest)
+set(service_asks_nothing_of matio nlopt GTest)
 set(client_options -DTELETACT_SERVICE=OFF -DTELETACT_MATLAB=OFF)
 set(service_options -DTELETACT_CLIENT=OFF)
 

@@ -255,15 +255,6 @@ TEST(RecordInput, WhatIsReadIsNeverWrittenOver) {
           {"--json", "--record", "same file"});
 }
 
-TEST(TouchInput, InterpolationIsTakenAsHelpSays) {
-  TemporaryFolder folder;
-  expect_one_clear_line(
-      test::run({test::client_binary(), "touch", "--service", test::address_that_keeps_out(), "--scene", "s",
-                 "--renderer", "interpolate"},
-                folder / "log"),
-      {test::kKeptOut});
-}
-
 TEST(BenchInput, AForeignReplotAndUnwritableOutputsAreSaidAtOnce) {
   TemporaryFolder folder;
   const std::string bench = test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench";

@@ -63,7 +63,7 @@ TEST(HalfSpaceChain, IsFeltWithAllItsComponents) {
   const client::Vector3 expected_n = closed_form_n();
   EXPECT_GT(expected_n.norm(), 0.1);
   EXPECT_GT(expected_n.cwiseAbs().minCoeff(), 0.01);
-  for (const char* renderer : {"kalman", "kalman-force"}) {
+  for (const char* renderer : {"law", "kalman"}) {
     PressingDevice device;
     const auto rendered = client::make_renderer(renderer, client::ServoOptions().period_s);
     client::MonotonicClock clock;

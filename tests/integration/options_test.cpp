@@ -101,11 +101,11 @@ TEST_F(Refusals, AMistakeOnTheCommandLineEndsWithTwoAndWhatFailsWithOne) {
       1);
 }
 
-TEST_F(Refusals, AWatchSaysForWhichSocketItWaits) {
+TEST_F(Refusals, AWatchSaysForWhichRecordingItWaits) {
   test::Process watch({test::client_binary(), "watch", "--session", folder / "t", "--acquire", folder / "a"},
                       folder / "log");
-  EXPECT_TRUE(watch.says("waiting for " + (folder / "t") + ": start 'touch --publish " + (folder / "t"), 60));
-  EXPECT_TRUE(watch.says("waiting for " + (folder / "a") + ": start 'acquire --publish", 60));
+  EXPECT_TRUE(watch.says("waiting for " + (folder / "t") + ": start 'touch --record " + (folder / "t"), 60));
+  EXPECT_TRUE(watch.says("waiting for " + (folder / "a") + ": start 'acquire --record", 60));
 }
 
 TEST_F(Refusals, WhatADeviceIgnoresIsNotTaken) {

@@ -2,11 +2,16 @@
 
 #include <google/protobuf/util/delimited_message_util.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <memory>
+#include <optional>
+#include <thread>
 
 namespace teletact::client {
 namespace {
@@ -90,6 +95,61 @@ TEST_F(RecordingTest, ACutRecordingEndsBeforeTheCut) {
   while (reader.next()) ++count;
   EXPECT_EQ(count, 99);
   EXPECT_TRUE(reader.truncated());
+}
+
+v1::RecordEntry numbered(int n) {
+  v1::RecordEntry entry;
+  entry.set_monotonic_ns(n);
+  return entry;
+}
+
+TEST_F(RecordingTest, IsReadWhileItIsWritten) {
+  auto writer = std::make_unique<RecordWriter>(path_, v1::RecordHeader());
+  RecordReader reader(path_);
+  EXPECT_FALSE(reader.next());
+  for (int n = 1; n <= 100; ++n) {
+    writer->append(numbered(n));
+    std::optional<v1::RecordEntry> entry;
+    while (!(entry = reader.next())) std::this_thread::yield();
+    EXPECT_EQ(entry->monotonic_ns(), n);
+    EXPECT_TRUE(reader.is_written());
+  }
+  writer->close();
+  EXPECT_FALSE(reader.is_written());
+  EXPECT_FALSE(reader.next());
+  struct stat status {};
+  ASSERT_EQ(::stat(path_.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600u) << "for this user alone";
+}
+
+TEST_F(RecordingTest, AnEntryThatIsCutIsReadOnceTheRestIsThere) {
+  write(2);
+  std::ifstream file(path_, std::ios::binary);
+  const std::string whole{std::istreambuf_iterator<char>(file), {}};
+  for (std::size_t bytes = whole.size() - 12; bytes < whole.size(); ++bytes) {
+    std::ofstream(path_, std::ios::binary) << whole.substr(0, bytes);
+    RecordReader reader(path_);
+    while (reader.next()) {
+    }
+    std::ofstream(path_, std::ios::binary | std::ios::app) << whole.substr(bytes);
+    std::int64_t last = -1;
+    while (const auto entry = reader.next()) last = entry->monotonic_ns();
+    EXPECT_EQ(last, 1) << bytes;
+    EXPECT_FALSE(reader.truncated());
+  }
+}
+
+TEST_F(RecordingTest, AnotherWriterIsRefusedAndALaterOneDoesNotChangeWhatIsRead) {
+  auto writer = std::make_unique<RecordWriter>(path_, v1::RecordHeader());
+  EXPECT_THROW(RecordWriter(path_, {}), std::runtime_error);
+  for (int n = 0; n < 2; ++n) writer->append_waiting(numbered(n));
+  writer->close();
+  RecordReader earlier(path_);
+  RecordWriter later(path_, {});
+  EXPECT_FALSE(earlier.is_written());
+  EXPECT_TRUE(RecordReader(path_).is_written());
+  for (int n = 0; n < 2; ++n) EXPECT_EQ(earlier.next()->monotonic_ns(), n);
+  EXPECT_FALSE(earlier.next());
 }
 
 TEST_F(RecordingTest, SaysWhatIsWrong) {

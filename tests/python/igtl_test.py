@@ -1,7 +1,9 @@
 """The OpenIGTLink server against a client of the test's, pyigtl, the protocol's own library, and peers that misbehave."""
 
 import contextlib
+import fcntl
 import logging
+import os
 import pathlib
 import shutil
 import socket
@@ -229,49 +231,59 @@ def tick(depth_m):
     return entry(servo=recording.ServoSample(position_m=[0.05, depth_m, 0.0], force_n=[0.0, -0.25, 0.0], state=1))
 
 
+@contextlib.contextmanager
+def written(path, *entries):
+    """A recording that a session has: locked as RecordWriter does."""
+    with contextlib.suppress(FileNotFoundError):
+        os.remove(path)
+    with open(path, "wb", buffering=0) as file:
+        fcntl.fcntl(file, fcntl.F_OFD_SETLK, struct.pack("hhqqi0q", fcntl.F_WRLCK, 0, 0, 0, 0))
+        for data in entries:
+            file.write(data)
+        yield file
+
+
 def test_a_session_is_sent_and_its_silence_is_no_force(looks_often, server):
     words = lambda text: lambda body: text.encode() in body  # noqa: E731
     first = entry(header=recording.RecordHeader(kind="touch", version=2))
-    says, ends = [], threading.Event()  # what a session says to whoever connects, and whether it ends then
-
-    def session(listening):
-        held = []
-        with contextlib.suppress(OSError):
-            while True:
-                held.append(listening.accept()[0])
-                with contextlib.suppress(BrokenPipeError):  # given up meanwhile
-                    for data in says:
-                        held[-1].sendall(data() if callable(data) else data)
-                        time.sleep(0.005)
-                if ends.is_set():
-                    held.pop().close()
-
     with short_folder() as folder:
         path = f"{folder}/session"
         client = connected(server)
         with following(igtl.follow_session, server, path):
             client.until("STRING", words("none: no session"))
-            says[:] = [first] + [lambda: tick(0.002)] * 20
-            with socket.create_server(path, family=socket.AF_UNIX) as listening:
-                sessions = threading.Thread(target=session, args=(listening,), daemon=True)
-                sessions.start()
+            with written(path, first) as file:
+                file.write(tick(0.003)[:7])
+                client.until("STRING", words("none: the session says nothing"))
+            client.until("STRING", words("none: the session has ended"))
+            with written(path, first) as file:
+                for _ in range(20):
+                    file.write(tick(0.002))
+                    time.sleep(0.005)
                 place = struct.unpack(">12f", client.until("TRANSFORM")[4])[9:]
                 np.testing.assert_allclose(place, [50, 2, 0], rtol=1e-6)
                 *_, unix_s, body = client.until("STRING", words("force_n="))
                 assert b"force_n=0.0000,-0.2500,0.0000 state=ENABLED" in body and abs(time.time() - unix_s) < 30
                 client.until("STRING", words("none: the session says nothing"))
-                says[:] = [entry(header=recording.RecordHeader(kind="touch", version=9))]
-                client.until("STRING", words("version 9"))
-                says[:] = [b"\xff" * 20]
-                client.until("STRING", words("damaged"))
-                says[:] = [first, lambda: tick(float("nan"))]
+            for wrong, said in ((entry(header=recording.RecordHeader(kind="touch", version=9)), "version 9"),
+                                (b"\xff" * 20, "damaged")):
+                with written(path, wrong):
+                    client.until("STRING", words(said))
+            with written(path, first, tick(float("nan"))):
                 client.until("STRING", words("nan"))
-                ends.set()
-                says[:] = [first, lambda: tick(0.001)]
-                client.until("STRING", words("force_n="))
-                client.until("STRING", words("none: the session has ended"))
-                listening.shutdown(socket.SHUT_RDWR)  # wakes the thread that accepts
-                sessions.join()
+
+
+def test_ticks_of_before_are_not_sent(looks_often, server):
+    words = lambda text: lambda body: text.encode() in body  # noqa: E731
+    with short_folder() as folder:
+        old = tick(0.009)
+        time.sleep(1.5 * igtl._SILENCE_S)
+        client = connected(server)
+        with written(f"{folder}/session", entry(header=recording.RecordHeader(kind="touch", version=2)), old) as file:
+            with following(igtl.follow_session, server, f"{folder}/session"):
+                client.until("STRING", words("none: "))
+                file.write(tick(0.001))
+                place = struct.unpack(">12f", client.until("TRANSFORM")[4])[9:]
+                np.testing.assert_allclose(place, [50, 1, 0], rtol=1e-6)
 
 
 @pytest.mark.parametrize("options, why", [([], "give --service and --scene"), (["--scene", "s"], "give --service"),

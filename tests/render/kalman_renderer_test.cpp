@@ -7,7 +7,6 @@
 #include <limits>
 #include <random>
 
-#include "client/render/hold_renderer.h"
 #include "tests/render/analytic_tissue.h"
 
 namespace teletact::client {
@@ -91,13 +90,11 @@ TEST(KalmanRenderer, OneAnswerTellsTheForceAroundIt) {
   }
 }
 
-TEST(KalmanRenderer, IsBetterThanHoldAndThanForceOnly) {
+TEST(KalmanRenderer, IsBetterThanForceOnly) {
   KalmanRenderer kalman;
   KalmanRenderer force_only(KalmanOptions{.use_tangent = false});
-  HoldRenderer hold;
   const double with_tangent = sweep(kalman, 0.005, 0.005).percentile(0.95);
   EXPECT_LE(2 * with_tangent, sweep(force_only, 0.005, 0.005).percentile(0.95));
-  EXPECT_LE(2 * with_tangent, sweep(hold, 0.005, 0.005).percentile(0.95));
 }
 
 TEST(KalmanRenderer, ConvergesToTheStiffnessUnderNoiseAndKnowsHowWell) {
@@ -233,16 +230,6 @@ TEST(KalmanRenderer, GivenAnAnswerFarBehindWhenItIsRenderedThenItsGradientIsGive
   EXPECT_NEAR(stiffness(0.045), there, 1e-6 * there);
   for (double x_m = 0.005; x_m < 0.05; x_m += 1e-5)
     EXPECT_NEAR(stiffness(x_m), stiffness(x_m + 1e-5), 0.002 * there) << x_m;
-}
-
-TEST(HoldRenderer, HoldsTheLastForceAndDropsItOffContact) {
-  HoldRenderer hold;
-  hold.update(spring(200, 0.004, 0), at(0, 0.004), 0);
-  EXPECT_NEAR(hold.render(at(0, 0.001), 5).force_n.y(), -0.8, 1e-12);
-  EXPECT_NEAR(hold.render(at(0, 0.004), 5).stiffness_n_m, 200, 1e-9);
-  ForceSample off;
-  hold.update(off, at(0, -0.001), 6);
-  EXPECT_EQ(hold.render(at(0, -0.001), 6).force_n.norm(), 0);
 }
 
 TEST(KalmanRenderer, GivenTissueForeseenWhenTheFingerArrivesThenItIsThereAtOnce) {

@@ -54,7 +54,7 @@ TEST(FeltForce, HasWhatTheNewestAnswerOfItsPlaceStates) {
 
 class ForcePicture : public testing::Test {
  protected:
-  Picture of(std::vector<ForceSamplePoint> force) {
+  Pixels of(std::vector<ForceSamplePoint> force) {
     EXPECT_TRUE(draw_force(folder / "force.png", force));
     return read_png(folder / "force.png");
   }
@@ -66,7 +66,7 @@ TEST_F(ForcePicture, ShowsTheBandThatIsStated) {
   const std::size_t of_narrow = count_of(of(narrow), kBand), of_wide = count_of(of(wide), kBand);
   EXPECT_GT(of_narrow, 1000u);
   EXPECT_GT(of_wide, 4 * of_narrow);
-  const Picture none = of(felt_force(touch({})));
+  const Pixels none = of(felt_force(touch({})));
   EXPECT_EQ(count_of(none, kBand), 0u);
   EXPECT_GT(count_of(none, kFelt), 20u) << "a thin line, blended with what is around";
   EXPECT_LT(count_of(none, kTrue), 100u) << "letters have such a grey, too";

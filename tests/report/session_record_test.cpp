@@ -7,7 +7,6 @@
 #include <fstream>
 
 #include "client/link/recording.h"
-#include "client/report/pictures.h"
 #include "client/servo/states.h"
 #include "tests/files/temporary_folder.h"
 
@@ -62,11 +61,6 @@ TEST(SessionRecord, CutWithinALengthIsTruncated) {
     EXPECT_FALSE(reader.next());
     EXPECT_EQ(reader.truncated(), kept > 0) << kept;
   }
-}
-
-TEST(Pictures, ApostropheInAPathIsDoubledForGnuplot) {
-  EXPECT_EQ(gnuplot_string("/tmp/anna's/force.png"), "'/tmp/anna''s/force.png'");
-  EXPECT_EQ(gnuplot_string("/tmp/force.png"), "'/tmp/force.png'");
 }
 
 }  // namespace

@@ -60,12 +60,8 @@ TEST_P(AllocationTest, NothingThroughContactHandOverReconnectAndFault) {
   EXPECT_GT(device.force.norm(), 0.3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Renderers, AllocationTest, ::testing::ValuesIn(touch_renderer_names()),
-                         [](const auto& test) {
-                           std::string name = test.param;
-                           std::erase(name, '-');
-                           return name;
-                         });
+INSTANTIATE_TEST_SUITE_P(Renderers, AllocationTest, ::testing::ValuesIn(renderer_names()),
+                         [](const auto& test) { return test.param; });
 
 }  // namespace
 }  // namespace teletact::client

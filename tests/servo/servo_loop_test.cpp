@@ -6,7 +6,6 @@
 #include <memory>
 
 #include "client/haptic/simulated_device.h"
-#include "client/render/hold_renderer.h"
 #include "client/servo/tick_statistics.h"
 #include "tests/servo/servo_test.h"
 #include "tests/support/allocation/allocation_count.h"

@@ -11,7 +11,7 @@ namespace {
 
 // Whatever renders: where no window covers the finger there is no force, though the link is alive.
 TEST(ServoLoop, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceEnds) {
-  for (const char* name : {"kalman", "kalman-force", "interpolate", "hold"}) {
+  for (const char* name : {"law", "kalman"}) {
     const auto renderer = make_renderer(name, 0.001);
     test::StillDevice device;
     ManualClock clock;

@@ -36,6 +36,33 @@ TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
   EXPECT_GT(other.largest_force_difference_n, 0.1);
 }
 
+// What a page shows of an acquisition is kept without its frames, too.
+TEST(Replay, AnAcquisitionWithoutItsFramesHoldsNothingToPlay) {
+  teletact::test::FakeServer service;
+  service.create_scene("s");
+  const TemporaryFolder folder;
+  v1::RecordHeader header;
+  header.set_kind("acquire");
+  header.set_scene_id("s");
+  RecordWriter writer(folder / "pair", header);
+  v1::EstimateRequest request;
+  request.mutable_acquisition()->add_maps("youngs_modulus");
+  writer.append_waiting(recorded(request, 1, 1));
+  v1::EstimateResponse response;
+  response.mutable_summary();
+  writer.append_waiting(recorded(response, 3, 1));
+  writer.close();
+  ReplayOptions options;
+  options.path = folder / "pair";
+  options.address = service.address();
+  try {
+    replay(options, false);
+    ADD_FAILURE();
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("holds nothing to play"), std::string::npos) << error.what();
+  }
+}
+
 // GIVEN a pair of which two maps came WHEN the service sends one of them this time
 TEST(Replay, MapsThatDoNotComeAreNotAlike) {
   teletact::test::FakeServer service;
@@ -47,6 +74,8 @@ TEST(Replay, MapsThatDoNotComeAreNotAlike) {
   RecordWriter writer(folder / "pair", header);
   v1::EstimateRequest request;
   request.mutable_acquisition()->add_maps("youngs_modulus");
+  writer.append_waiting(recorded(request, 1, 1));
+  request.mutable_chunk();
   writer.append_waiting(recorded(request, 1, 1));
   for (const char* name : {"youngs_modulus", "axial_strain"}) {
     v1::EstimateResponse response;

@@ -48,18 +48,17 @@ struct Condition {
   double bits_s = 0;        // each way; 0: not limited
   bool stalls = false;      // of 200 ms, in a tenth of the time
   unsigned credit = client::Pacing::kMax;
-  bool all_renderers = false;
 };
 constexpr std::array kConditions{
-    Condition{.name = "0 ms", .round_trip_s = 0, .all_renderers = true},
+    Condition{.name = "0 ms", .round_trip_s = 0},
     Condition{.name = "50 ms", .round_trip_s = 0.05},
-    Condition{.name = "100 ms", .round_trip_s = 0.1, .all_renderers = true},
+    Condition{.name = "100 ms", .round_trip_s = 0.1},
     Condition{.name = "200 ms", .round_trip_s = 0.2},
     Condition{.name = "300 ms", .round_trip_s = 0.3},
     Condition{.name = "400 ms", .round_trip_s = 0.4},
     Condition{.name = "100 ms +- 30 %", .round_trip_s = 0.1, .jitter_share = 0.3},
-    Condition{.name = "0 ms, stalls", .round_trip_s = 0, .stalls = true, .all_renderers = true},
-    Condition{.name = "100 ms, stalls", .round_trip_s = 0.1, .stalls = true, .all_renderers = true},
+    Condition{.name = "0 ms, stalls", .round_trip_s = 0, .stalls = true},
+    Condition{.name = "100 ms, stalls", .round_trip_s = 0.1, .stalls = true},
     Condition{.name = "100 ms, 10 Mbit/s", .round_trip_s = 0.1, .bits_s = 10 * kMbit},
     Condition{.name = "100 ms, 1 Mbit/s", .round_trip_s = 0.1, .bits_s = kMbit},
     Condition{.name = "100 ms, 64 kbit/s", .round_trip_s = 0.1, .bits_s = kNarrowBits},
@@ -207,7 +206,6 @@ Figures measure(const Arguments& arguments, Promises& promises) {
       "link", "renderer");
   for (const Condition& condition : kConditions) {
     std::vector<std::string> renderers{"law", "kalman"};
-    if (condition.all_renderers) renderers.insert(renderers.end(), {"kalman-force", "hold"});
     if (condition.credit == 1) renderers = {"kalman"};
     for (const std::string& renderer : renderers) {
       const Touched& t = figures.touched.emplace_back(touch(arguments, condition, renderer, tissue));
@@ -236,7 +234,7 @@ Figures measure(const Arguments& arguments, Promises& promises) {
 
 void draw(const Figures& figures, const std::filesystem::path& folder) {
   std::vector<Curve> curves;
-  for (const char* renderer : {"law", "kalman", "kalman-force", "hold"}) {
+  for (const char* renderer : {"law", "kalman"}) {
     Curve& curve = curves.emplace_back(Curve{.title = renderer, .ours = curves.empty()});
     for (const Touched& t : figures.touched)
       if (t.renderer == renderer && t.jitter_share == 0 && t.bits_s == 0 && !t.stalls)

@@ -15,10 +15,10 @@
 #include <map>
 
 #include "bench/curves.h"
+#include "bench/stability/renderers.h"
 #include "bench/stability/servo_period.h"
 #include "bench/suites/paper/paper.h"
 #include "bench/suites/paper/tissue.h"
-#include "client/render/renderers.h"
 #include "service/contact/contact.h"
 #include "service/tissue/tissue_model.h"
 
@@ -100,7 +100,7 @@ std::size_t newest_answer(const Series& series, std::size_t tick) {
 }
 
 std::vector<double> rendered(const Series& series, const std::string& name) {
-  const auto renderer = client::make_renderer(name, kServoS);
+  const auto renderer = make_any_renderer(name, kServoS);
   std::vector<double> felt{0};
   for (std::size_t n = 1; n < series.truth.size(); ++n) {
     const ToolPose pose{series.truth[n].position_m, Vector3::Zero()};
@@ -209,7 +209,7 @@ LayerFigures measure_layer(const service::TissueModel& model, const TouchedLayer
     out.x_m.push_back(series.truth[n].position_m.x());
     out.real_n_m.push_back(series.stiffness(n));
   }
-  for (const std::string& name : client::renderer_names())
+  for (const std::string& name : renderer_names())
     out.filters.push_back(judge(series, name, rendered(series, name)));
   out.filters.push_back(judge(series, "exact tangent of the newest answer", expanded(series, true)));
   out.filters.push_back(judge(series, "best linear filter, force and tangent", best_linear(series, true)));

@@ -6,7 +6,7 @@
 
 #include "bench/suites/solid/cases.h"
 #include "bench/suites/solid/solid.h"
-#include "client/files/png.h"
+#include "client/files/picture.h"
 #include "service/contact/solid_contact.h"
 #include "service/contact/tactile_image.h"
 #include "service/device/device.h"

@@ -14,11 +14,11 @@
 #include "bench/basics/median.h"
 #include "bench/curves.h"
 #include "bench/stability/passivity_border.h"
+#include "bench/stability/renderers.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability/stability.h"
 #include "client/patient/parallel.h"
-#include "client/render/renderers.h"
 
 namespace teletact::bench {
 namespace {
@@ -137,7 +137,7 @@ Figures measure(bool quick, Promises& promises) {
   std::vector<Point> points;
   for (const Axis& axis : all_axes)
     for (const double value : axis.values)
-      for (const std::string& renderer : client::renderer_names())
+      for (const std::string& renderer : renderer_names())
         for (const double update_s : periods_s(quick)) {
           points.push_back({base(), &axis, value});
           points.back().trial.renderer = renderer;
@@ -181,7 +181,7 @@ std::string value_name(const std::string& axis, double value) {
 // One picture per axis: rows of values, columns of renderers; green stable, yellow limit cycle, red unstable.
 void draw_axis(const Figures& figures, const std::string& axis, const std::vector<double>& values,
                const std::filesystem::path& file) {
-  const auto& names = client::renderer_names();
+  const auto& names = renderer_names();
   std::string script = fmt::format(
       "set terminal pngcairo size 1400,{}  font 'sans,9'\nset output '{}'\nset multiplot layout {},{} title "
       "'stable (green), limit cycle (yellow), unstable (red); black: Colgate with delay, blue: friction and "

@@ -5,10 +5,10 @@
 #include <map>
 
 #include "bench/stability/lift.h"
+#include "bench/stability/renderers.h"
 #include "bench/suites/stability/lift_tally.h"
 #include "bench/suites/stability/stability.h"
 #include "client/patient/parallel.h"
-#include "client/render/renderers.h"
 
 namespace teletact::bench {
 
@@ -41,7 +41,7 @@ std::vector<LiftOptions> trials(bool quick) {
   std::vector<LiftOptions> all;
   LiftOptions t;
   for (const client::DeviceProfile& device : devices())
-    for (const std::string& renderer : client::renderer_names())
+    for (const std::string& renderer : renderer_names())
       for (const Scene scene : {Scene::kHomogeneous, Scene::kInclusions})
         for (const double share : {0.5, 1.0})
           for (const Rate& rate : rates)

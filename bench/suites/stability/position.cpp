@@ -9,12 +9,12 @@
 #include <deque>
 
 #include "bench/curves.h"
+#include "bench/stability/renderers.h"
 #include "bench/stability/servo_period.h"
 #include "bench/stability/tissue.h"
 #include "bench/stability/trial.h"
 #include "bench/suites/stability/stability.h"
 #include "client/haptic/simulated_position_device.h"
-#include "client/render/renderers.h"
 
 namespace teletact::bench {
 namespace {
@@ -52,7 +52,7 @@ bool comes_to_rest(const Press& press) {
   client::SimulatedPositionDevice display = make_display(press);
   display.open();
   const StabilityTissue tissue(Scene::kHomogeneous, press.stiffness_n_m);
-  const auto renderer = client::make_renderer("kalman", kServoS);
+  const auto renderer = make_any_renderer("kalman", kServoS);
   std::deque<ForceSample> on_the_way;
   double low_m[6], high_m[6], next_s = 0;
   std::fill_n(low_m, 6, INFINITY);

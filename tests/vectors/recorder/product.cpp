@@ -290,8 +290,8 @@ double flag(bool value) {
 }  // namespace
 
 struct Servo::Product {
-  explicit Product(const std::string& name)
-      : renderer(client::make_renderer(name, client::ServoOptions{}.period_s)),
+  Product()
+      : renderer(client::make_renderer("kalman", client::ServoOptions{}.period_s)),
         loop(device, *renderer, clock, options_of(device)) {}
   PathDevice device;
   client::ManualClock clock;
@@ -299,11 +299,7 @@ struct Servo::Product {
   client::ServoLoop loop;
 };
 
-std::vector<std::string> renderers() {
-  return client::renderer_names();
-}
-
-Servo::Servo(const std::string& renderer) : product_(std::make_unique<Product>(renderer)) {}
+Servo::Servo() : product_(std::make_unique<Product>()) {}
 Servo::~Servo() = default;
 
 Answer Servo::tick(const TickCase& c) {

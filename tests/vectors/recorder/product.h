@@ -89,11 +89,9 @@ struct TickCase {
   std::optional<ForceAnswer> answer;  // that came in since the last tick
 };
 
-std::vector<std::string> renderers();
-
-class Servo {
+class Servo {  // with the Kalman filter
  public:
-  explicit Servo(const std::string& renderer);
+  Servo();
   ~Servo();
   Answer tick(const TickCase&);
 

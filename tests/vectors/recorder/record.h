@@ -14,7 +14,7 @@ inline constexpr Tolerance kExact{0, 0}, kMap{1e-3, 0.05}, kModulus{2e-2, 0.05},
 
 void record_estimates(Recording&);  // three simulated patients, each by three methods
 void record_touches(Recording&);    // 10 000 answers on ten tissues, and some by conjugate gradients
-void record_servo(Recording&);      // ten seconds at 1 kHz with each renderer
+void record_servo(Recording&);      // ten seconds at 1 kHz with the Kalman filter
 
 Recording record_all();
 

@@ -99,13 +99,11 @@ TickCase case_of(int tick) {
 }  // namespace
 
 void record_servo(Recording& recording) {
-  for (const std::string& renderer : renderers()) {
-    Servo servo(renderer);
-    for (int tick = 0; tick < kTicks; ++tick)
-      for (const Named& part : servo.tick(case_of(tick)))
-        recording.append("servo/" + renderer + "/" + part.name, part.values.size(), part.values,
-                         part.exact ? kExact : kServo);
-  }
+  Servo servo;
+  for (int tick = 0; tick < kTicks; ++tick)
+    for (const Named& part : servo.tick(case_of(tick)))
+      recording.append(std::string("servo/kalman/") + part.name, part.values.size(), part.values,
+                       part.exact ? kExact : kServo);
 }
 
 Recording record_all() {

@@ -1,6 +1,6 @@
 """An OpenIGTLink server: maps as IMAGE, the finger as TRANSFORM, the force as STRING, for 3D Slicer and others.
 
-    python3 -m teletact.igtl --service 127.0.0.1:50051 --scene liver --session /run/user/1000/touch
+    python3 -m teletact.igtl --service 127.0.0.1:50051 --scene liver --session touch.record
 
 From a program:
 
@@ -14,15 +14,18 @@ up nobody. Who does not read for ``send_timeout_s`` is let go. The protocol has 
 from __future__ import annotations
 
 import argparse
+import fcntl
 import ipaddress
 import logging
 import select
 import signal
 import socket
+import struct
 import sys
 import threading
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, BinaryIO
 
 import xarray as xr
 
@@ -36,6 +39,7 @@ _MAX_BYTES = 1 << 20       # of a message that a peer sends
 _FOLLOW_S = 0.5             # how often a scene's version is asked for
 _SILENCE_S = 0.5            # of a session, after which there is no force
 _PERIOD_S = 1 / 60          # of finger and force
+_LOOK_S = 0.004             # between looks at what a session has written
 _STATES = ("DISABLED", "ENABLED", "PAUSED", "FAULT")
 NO_FORCE = "none: "
 
@@ -230,43 +234,65 @@ def follow_scene(server: Server, service: teletact.Service, scene_id: str, over:
                 over.wait(_FOLLOW_S)
 
 
+class _Written:
+    """A recording that a session writes: ``read`` waits for what comes, and calls ``silent`` while nothing does."""
+
+    def __init__(self, file: BinaryIO, silent: Callable[[], None], over: threading.Event) -> None:
+        self._file, self._silent, self._over = file, silent, over
+
+    def still(self) -> bool:
+        """Whether the session's process has the file: RecordWriter's lock (client/link/recording.h)."""
+        lock = fcntl.fcntl(self._file, fcntl.F_OFD_GETLK, struct.pack("hhqqi0q", fcntl.F_WRLCK, 0, 0, 0, 0))
+        return bool(struct.unpack("hhqqi0q", lock)[0] != fcntl.F_UNLCK)
+
+    def read(self, size: int) -> bytes:
+        data, since_s = self._file.read(size), time.monotonic()
+        while len(data) < size and self.still() and not self._over.is_set():
+            if time.monotonic() - since_s > _SILENCE_S:
+                self._silent()
+                since_s = time.monotonic()
+            time.sleep(_LOOK_S)
+            data += self._file.read(size - len(data))
+        return data + self._file.read(size - len(data))
+
+
 def follow_session(server: Server, path: str, over: threading.Event) -> None:
-    """Sends finger and force of a session that is published (``touch --publish``), and says where there is none."""
+    """Sends finger and force of a session as it is recorded (``touch --record``), and says where there is none."""
+    def silent() -> None:
+        server.string("force", f"{NO_FORCE}the session says nothing for {_SILENCE_S} s")
+
     while not over.is_set():
         why = "no session"
         try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-                connection.settimeout(_SILENCE_S)
-                connection.connect(path)
-                with connection.makefile("rb") as file:
-                    _send_ticks(server, file, path, over)
-            why = "the session has ended"
+            with open(path, "rb") as file:
+                written = _Written(file, silent, over)
+                if written.still():
+                    _send_ticks(server, written, path, silent)
+                    why = "the session has ended"
         except TeletactError as error:  # first: some are OSErrors, too
             why = str(error)
-        except TimeoutError:
-            why = f"the session says nothing for {_SILENCE_S} s"
         except OSError as error:
             why = f"no session ({error.strerror})"
         server.string("force", NO_FORCE + why)
         over.wait(_FOLLOW_S)
 
 
-def _send_ticks(server: Server, file: Any, path: str, over: threading.Event) -> None:
+def _send_ticks(server: Server, file: Any, path: str, silent: Callable[[], None]) -> None:
     next_s = heard_s = time.monotonic()
     entries = recordings.entries_of(file, path)
     recordings.check_header(next(entries, None), path)
     for entry in entries:
         now = time.monotonic()
-        if over.is_set():
-            return
         if entry is not None and entry.HasField("servo"):
             heard_s = now
         elif now - heard_s > _SILENCE_S:  # other entries come, and no tick
-            raise TimeoutError
+            silent()
         if entry is None or not entry.HasField("servo") or now < next_s:
             continue
-        next_s = now + _PERIOD_S
         tick, age_s = entry.servo, 1e-9 * (time.monotonic_ns() - entry.monotonic_ns)
+        if age_s > _SILENCE_S:  # of before this looked on
+            continue
+        next_s = now + _PERIOD_S
         state = _STATES[tick.state] if tick.state < len(_STATES) else str(tick.state)
         force = ",".join(f"{value:.4f}" for value in tick.force_n)
         server.transform("finger", (list(tick.position_m) + [0.0] * 3)[:3], time.time() - age_s)
@@ -280,7 +306,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--allow-insecure-remote", action="store_true", help="listen beyond this machine")
     parser.add_argument("--service", help="HOST:PORT or unix:/path, for --scene")
     parser.add_argument("--scene", help="whose modulus is sent, as IMAGE 'modulus', and B-mode, 'b_mode_1' ...")
-    parser.add_argument("--session", metavar="SOCKET", help="of touch --publish: TRANSFORM 'finger', STRING 'force'")
+    parser.add_argument("--session", metavar="FILE", help="of touch --record: TRANSFORM 'finger', STRING 'force'")
     parser.add_argument("--tls-ca")
     parser.add_argument("--token-file")
     given = parser.parse_args(arguments)

@@ -70,7 +70,7 @@ def entries(path: str | Path) -> Iterator[recording.RecordEntry | None]:
 
 
 def entries_of(file: BinaryIO, path: str | Path) -> Iterator[recording.RecordEntry | None]:
-    """The same of an open file, or of the socket of a session that is published. ``path``: for messages."""
+    """The same of an open file, or of one that is still written. ``path``: for messages."""
     damaged = DamagedFile(f"the recording '{path}' is damaged", remedy="record it anew")
     while True:
         size = shift = 0

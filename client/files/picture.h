@@ -1,9 +1,7 @@
-// Pictures of scalar maps: a perceptual colour map, axes in millimetres, a colour bar with numbers.
+// Pictures by gnuplot (package gnuplot-nox): maps of scalars, and what a script of one's own draws.
 #pragma once
 
-#include <array>
 #include <cstddef>
-#include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <span>
@@ -21,7 +19,7 @@ struct Panel {
   double origin_x_m = 0, origin_y_m = 0;  // of point (0, 0)
   double dx_m = 1e-3, dy_m = 1e-3;
   std::string down = "y";     // the axis that goes down
-  std::vector<float> values;  // NaN is drawn grey
+  std::vector<float> values;  // what is not finite is drawn grey
   std::string unit;           // beside the colour bar, e.g. "kPa"
   double factor = 1;          // numbers on the bar are value * factor (Pa -> kPa: 1e-3)
   // Range of the colours; NaN = the 1st to 99th percentile of the finite values. Give both panels of a
@@ -34,25 +32,17 @@ struct PictureOptions {
   std::size_t panel_width = 480;  // pixels of each panel's map; its height follows from the spacing
 };
 
-// 8-bit RGB, row by row from the top.
-struct Picture {
-  std::size_t width = 0, height = 0;
-  std::vector<std::uint8_t> rgb;
-};
+// The text between single quotes, as gnuplot reads it: nothing in it ends them. An apostrophe is a
+// typographic one (gnuplot takes two at the beginning for an empty string), a control character a blank.
+std::string gnuplot_string(const std::string& text);
 
-// Colour at `position` in [0, 1] (clamped): dark blue over green to yellow, evenly perceived, readable in
-// grey.
-std::array<std::uint8_t, 3> colour_at(double position);
-inline constexpr std::array<std::uint8_t, 3> kNanGrey{128, 128, 128};
+// What the script draws on so many pixels. Throws FileError: gnuplot is missing or fails, or the file cannot
+// be written; then there is none.
+void plot(const std::filesystem::path& path, std::size_t width, std::size_t height,
+          const std::string& script);
 
-// Throws std::invalid_argument naming the panel whose sizes are unusable.
-Picture draw(std::span<const Panel> panels, const PictureOptions& options = {});
-
-// Throws FileError when the file cannot be written.
-void write_png(const std::filesystem::path& path, const Picture& picture);
-inline void write_png(const std::filesystem::path& path, std::span<const Panel> panels,
-                      const PictureOptions& options = {}) {
-  write_png(path, draw(panels, options));
-}
+// Throws as plot(), and std::invalid_argument naming the panel whose sizes are unusable.
+void write_png(const std::filesystem::path& path, std::span<const Panel> panels,
+               const PictureOptions& options = {});
 
 }  // namespace teletact::client

@@ -1,4 +1,4 @@
-// Sessions that are published, as the view takes them.
+// Sessions as they are recorded, and as the view takes them.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -6,7 +6,7 @@
 #include <string>
 #include <thread>
 
-#include "client/link/publisher.h"
+#include "client/link/recording.h"
 #include "client/watch/sources.h"
 #include "tests/files/temporary_folder.h"
 #include "tests/watch/web_peer.h"
@@ -14,7 +14,7 @@
 namespace teletact::client {
 namespace {
 
-// The page's status once a session that is published is taken into a view that has shown something.
+// The page's status once a session that is recorded is taken into a view that has shown something.
 nlohmann::json status_after(bool first) {
   const TemporaryFolder folder;
   View view;
@@ -22,10 +22,10 @@ nlohmann::json status_after(bool first) {
   line.mutable_log()->set_text("servo ENABLED");
   view.take(line);
   v1::RecordHeader header;
-  header.set_version(kRecordingVersion);
   header.set_kind("acquire");
-  const Publisher publisher(folder / "session", header);
-  const PublishedSource source(folder / "session", "source", first, view);
+  { const RecordWriter earlier(folder / "session", header); }
+  const RecordWriter writer(folder / "session", header);
+  const SessionSource source(folder / "session", "source", first, view);
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   nlohmann::json status = nlohmann::json::object();
   while (status.value("source", "") != "live" && std::chrono::steady_clock::now() < end) {
@@ -38,7 +38,7 @@ nlohmann::json status_after(bool first) {
   return status;
 }
 
-TEST(PublishedSource, TheFirstAloneBeginsTheViewAnew) {
+TEST(SessionSource, TheFirstAloneBeginsTheViewAnew) {
   EXPECT_EQ(status_after(true)["log"].size(), 0u);
   EXPECT_EQ(status_after(false)["log"].size(), 1u) << "the patient's side takes nothing away";
 }
