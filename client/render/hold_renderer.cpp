@@ -20,7 +20,7 @@ bool HoldRenderer::update(const ForceSample& sample, const ToolPose&, double) no
   return true;
 }
 
-Rendered HoldRenderer::render(const ToolPose& pose, double time_s, double) noexcept {
+Rendered HoldRenderer::render(const ToolPose& pose, double time_s, EnergyLedger&) noexcept {
   Rendered rendered = held_;
   if (!pressed_) return rendered;
   const Vector3 variance = uncertainty_.at(pose.position_m, time_s);

@@ -12,7 +12,7 @@ class HoldRenderer final : public Renderer {
   void reset() noexcept override { *this = HoldRenderer(); }
   bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   using Renderer::render;
-  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+  Rendered render(const ToolPose& pose, double time_s, EnergyLedger&) noexcept override;
 
  private:
   Rendered held_;

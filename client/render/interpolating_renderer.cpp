@@ -35,7 +35,7 @@ bool InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, d
   return true;
 }
 
-Rendered InterpolatingRenderer::render(const ToolPose& pose, double time_s, double) noexcept {
+Rendered InterpolatingRenderer::render(const ToolPose& pose, double time_s, EnergyLedger&) noexcept {
   const Value now = value(time_s);
   Rendered rendered;
   rendered.force_n = now.force_n;

@@ -14,7 +14,7 @@ class InterpolatingRenderer final : public Renderer {
   bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   // The gain is the share of the newest answer in what is rendered: 0 on arrival, 1 a period later.
   using Renderer::render;
-  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+  Rendered render(const ToolPose& pose, double time_s, EnergyLedger&) noexcept override;
 
  private:
   struct Value {
