@@ -289,7 +289,7 @@ class Session {
     if (silent && force_n.norm() > 0) ++result.in_silence;
     ++shares.cases;
     shares.by_law += tick_.by_law && force_n.norm() > 0;
-    if (!(tick_.ledger_j >= -kRounding)) ++result.overdrawn;
+    if (!(tick_.balance_j >= -kRounding)) ++result.overdrawn;
     shares.fading += !enabled && force_n.norm() > 0;
     shares.silent += silent;
     shares.non_zero += force_n.norm() > 0;

@@ -79,7 +79,7 @@ double one_pass(const FeltOptions& o, const SpringTissue& tissue, double share) 
       on_the_way.pop_front();
     }
     client::ForceChainInput input;
-    input.rendered = renderer->render(pose, time_s, chain.dissipated_j());
+    input.rendered = renderer->render(pose, time_s, chain.ledger());
     input.pose = pose;
     input.on = true;
     input.enabled_s = 10;

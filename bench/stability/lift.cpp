@@ -165,7 +165,7 @@ LiftResult run_lift(const LiftOptions& options) {
     if (energy_j + paid_j < 0)
       result.over_paid = std::max(result.over_paid, -(energy_j + paid_j) / allowed_j);
     result.largest_n = std::max(result.largest_n, force_n.norm());
-    result.min_ledger_j = std::min(result.min_ledger_j, controller.last().ledger_j);
+    result.min_ledger_j = std::min(result.min_ledger_j, controller.last().balance_j);
     if (kServoS * double(tick) < begins_s(options)) continue;
     ++ticks;
     if (controller.last().state != client::ServoState::kEnabled) continue;

@@ -58,7 +58,7 @@ bool HoldRenderer::update(const ForceSample& sample, const ToolPose&, double) no
   return true;
 }
 
-Rendered HoldRenderer::render(const ToolPose& pose, double, double) noexcept {
+Rendered HoldRenderer::render(const ToolPose& pose, double, EnergyLedger&) noexcept {
   Rendered rendered = held_;
   rendered.stored_j = spring_energy_j(held_.stiffness_n_m, surface_.depth_m(pose.position_m));
   return rendered;
@@ -92,7 +92,7 @@ bool InterpolatingRenderer::update(const ForceSample& sample, const ToolPose&, d
   return true;
 }
 
-Rendered InterpolatingRenderer::render(const ToolPose& pose, double time_s, double) noexcept {
+Rendered InterpolatingRenderer::render(const ToolPose& pose, double time_s, EnergyLedger&) noexcept {
   Rendered rendered = value(time_s);
   rendered.gain = known_ ? share(time_s) : 0;
   rendered.stored_j = spring_energy_j(rendered.stiffness_n_m, surface_.depth_m(pose.position_m));

@@ -25,7 +25,8 @@ class HoldRenderer final : public client::Renderer {
   bool update(const client::ForceSample& sample, const client::ToolPose& pose,
               double time_s) noexcept override;
   using Renderer::render;
-  client::Rendered render(const client::ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+  client::Rendered render(const client::ToolPose& pose, double time_s,
+                          client::EnergyLedger&) noexcept override;
 
  private:
   client::Rendered held_;
@@ -42,7 +43,8 @@ class InterpolatingRenderer final : public client::Renderer {
               double time_s) noexcept override;
   // The gain is the share of the newest answer in what is rendered: 0 on arrival, 1 a period later.
   using Renderer::render;
-  client::Rendered render(const client::ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+  client::Rendered render(const client::ToolPose& pose, double time_s,
+                          client::EnergyLedger&) noexcept override;
 
  private:
   double share(double time_s) const noexcept;

@@ -210,7 +210,7 @@ TrialResult run_trial(const TrialOptions& options) {
     const Vector3 from_m = plant.position_m();
     plant.step(felt_n, target);
     law_errors.moved(tissue, from_m, plant.position_m(), felt_n);
-    result.min_ledger_j = std::min(result.min_ledger_j, controller.last().ledger_j);
+    result.min_ledger_j = std::min(result.min_ledger_j, controller.last().balance_j);
     if (options.safe && time_s >= HandPath::kHoverS) count_safety(controller, result);
     result.generated_j = std::max(result.generated_j, -plant.port_energy_j());
     result.stored_j = std::max(result.stored_j, plant.port_energy_j());

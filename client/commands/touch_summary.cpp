@@ -68,6 +68,8 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
       {"degraded", spells(ticks.degraded())},
       {"service_degraded", spells(ticks.service_degraded())},
       {"faded", spells(ticks.faded())},
+      {"largest_claim",
+       {{"of", name(ticks.largest_claim().who)}, {"lacks_j", ticks.largest_claim().lacks_j}}},
       {"lost_s", ticks.lost_s()},
       {"states", changes},
       {"states_left_out", ticks.changes_left_out()},
@@ -150,6 +152,9 @@ void print_summary(const nlohmann::json& json) {
       "  force     largest %.3f N; lost (PAUSED, FAULT) %.3f s, fading %s, DEGRADED %s; by the service %s\n",
       json["largest_force_n"].get<double>(), json["lost_s"].get<double>(), spell("faded").c_str(),
       spell("degraded").c_str(), spell("service_degraded").c_str());
+  if (const auto& claim = json["largest_claim"]; claim["lacks_j"].get<double>() > 0)
+    std::printf("  withheld  at most %.1f mJ: %s\n", 1e3 * claim["lacks_j"].get<double>(),
+                claim["of"].get<std::string>().c_str());
   std::printf("  not good  of %lu answers %lu NOT_COVERED, %lu DEGRADED, %lu FAILED; %lu streams\n",
               count("answers"), count("not_covered"), count("degraded"), count("failed"), count("streams"));
 }

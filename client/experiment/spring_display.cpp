@@ -77,7 +77,7 @@ void require_shown(const DeviceProfile& profile, double stiffness_n_m) {
                                 " N/m, and a harder stimulus would be felt as that; give softer ones");
 }
 
-Rendered PerfectRenderer::render(const ToolPose& pose, double, double) noexcept {
+Rendered PerfectRenderer::render(const ToolPose& pose, double, EnergyLedger&) noexcept {
   Rendered rendered;
   rendered.variance = 0;
   rendered.lateral_variance.setZero();

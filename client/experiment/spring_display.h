@@ -61,7 +61,7 @@ class PerfectRenderer final : public Renderer {
     return true;
   }
   using Renderer::render;
-  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+  Rendered render(const ToolPose& pose, double time_s, EnergyLedger&) noexcept override;
 
  private:
   LatestSlot<SpringTissue> newest_;

@@ -147,6 +147,9 @@ v1::RecordEntry to_record(const ServoTick& tick) {
   sample.set_stored_j(tick.stored_j);
   sample.set_damping_n_s_m(tick.damping_n_s_m);
   sample.set_withheld(tick.withheld);
+  sample.set_balance_j(tick.balance_j);
+  sample.set_claim(static_cast<std::uint32_t>(tick.refused.who));
+  sample.set_claim_lacks_j(tick.refused.lacks_j);
   return entry;
 }
 

@@ -1,6 +1,7 @@
 #include "client/render/force_chain.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace teletact::client {
@@ -8,7 +9,6 @@ namespace {
 
 // How fast a law fades in silence: 7 % in 10 ms (T5.8).
 constexpr double kLawFade1S = 1 / (kLawSilence.zero_s - kLawSilence.fade_s);
-constexpr double kLargestLedgerJ = 0.02;  // at the hand: no more is saved up
 
 // Where the hand is: beside the pose while it is clutched, and as far beside it afterwards.
 Vector3 hand_m(const ForceChainInput& input) {
@@ -20,12 +20,12 @@ Vector3 hand_m_s(const ForceChainInput& input) {
 }
 
 // Joules at the hand, in the scene's.
-PassivityController::Options passivity_of(const ForceLimits& limits) {
-  PassivityController::Options options{.largest_damping_n_s_m = limits.largest_damping_n_s_m,
-                                       .friction_n = limits.friction_n,
-                                       .mechanism_n_s_m = limits.damping_n_s_m,
-                                       .hand_n_s_m = limits.hand_n_s_m};
-  options.largest_reserve_j *= limits.joules_per_hand_j;
+EnergyLedgerOptions ledger_of(const ForceLimits& limits) {
+  EnergyLedgerOptions options{.largest_damping_n_s_m = limits.largest_damping_n_s_m,
+                              .friction_n = limits.friction_n,
+                              .mechanism_n_s_m = limits.damping_n_s_m,
+                              .hand_n_s_m = limits.hand_n_s_m};
+  options.largest_balance_j *= limits.joules_per_hand_j;
   options.largest_debt_j *= limits.joules_per_hand_j;
   return options;
 }
@@ -37,13 +37,13 @@ double passed_s(const ForceChainInput& input) {
 }  // namespace
 
 ForceChain::ForceChain(const ForceChainOptions& options)
-    : options_(options), passivity_(passivity_of(options.limits)) {}
+    : options_(options), ledger_(ledger_of(options.limits)) {}
 
 // How far the model's age and the energy balance let the rendered force be trusted.
 void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutput& output) noexcept {
   const AgeLimits ages = age_limits(input.period_s);
   const double aged = age_gain(input.model_age_s, ages);
-  const double energy_j = passivity_.energy_j();
+  const double energy_j = ledger_.energy_j();
   const double debt_limit_j = options_.debt_limit_j * options_.limits.joules_per_hand_j;
   energy_generated_ = energy_j < (energy_generated_ ? 0 : -debt_limit_j);
   if (!input.on) {
@@ -60,7 +60,8 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
   const bool withholds = input.on && output.withheld > options_.withheld_share;
   withheld_s_ = withholds ? withheld_s_ + dt_s : 0;
   output.energy_generated = energy_generated_;
-  output.withholds = withheld_s_ > options_.withheld_s;
+  constexpr double kRoundingS = 1e-9;  // of ticks that are added up
+  output.withholds = withheld_s_ > options_.withheld_s + kRoundingS;
   output.fades = !(age_gain_ >= 1) || energy_generated_;
   output.degraded = output.fades || output.withholds;
 }
@@ -68,8 +69,8 @@ void ForceChain::judge(const ForceChainInput& input, double dt_s, ForceChainOutp
 // The step made under the last force, in the time that has passed, however late the tick.
 void ForceChain::observe(const ForceChainInput& input) noexcept {
   const bool contact = input.surface.depth_m(input.pose.position_m) > 0;
-  passivity_.observe(hand_m(input), last_force_n_, contact ? share_ * input.rendered.stored_j : 0, contact,
-                     passed_s(input));
+  ledger_.observe(hand_m(input), last_force_n_, contact ? share_ * input.rendered.stored_j : 0, contact,
+                  passed_s(input));
 }
 
 // Of silence, age, the clutch and the ramp together. Where a law ends, in silence or because an older answer
@@ -83,26 +84,26 @@ void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m,
                            silence_gain(input.silence_s, kLawSilence));
   const double clutch_way = input.clutched ? -dt_s / options_.clutch_fade_s : dt_s / options_.start_ramp_s;
   clutch_gain_ = input.on ? std::clamp(clutch_gain_ + clutch_way, 0.0, 1.0) : input.clutched ? 0.0 : 1.0;
-  const double wanted =
-      silence_gain_ * age_gain_ * clutch_gain_ * start_gain(input.enabled_s, options_.start_ramp_s);
+  const std::array gains{silence_gain_, age_gain_, clutch_gain_,
+                         start_gain(input.enabled_s, options_.start_ramp_s)};
+  const auto least = std::min_element(gains.begin(), gains.end());
+  if (*least < 1)
+    took_ = std::array{EnergyClaim::kSilence, EnergyClaim::kAge, EnergyClaim::kClutch,
+                       EnergyClaim::kRamp}[std::size_t(least - gains.begin())];
+  const double wanted = gains[0] * gains[1] * gains[2] * gains[3];
   gain_ = law_fades_ ? std::max(wanted, std::min(last - way, silence_gain_)) : wanted;
   law_fades_ = by_law || (law_fades_ && (silence < last_silence || wanted < last));
-  const bool owed = gain_short_ > 0;
-  dissipated_j_ = owed ? 0 : passivity_.dissipated_j();
   const double stored_j = input.rendered.stored_j;
   const double max_j = options_.limits.largest_force_n * std::max(indentation_m, 0.0);
-  const double held_j = std::isfinite(stored_j) ? std::min(stored_j, max_j) : 0;
+  const double held_j = std::isfinite(stored_j) ? debt_gain_ * std::min(stored_j, max_j) : 0;
+  gain_short_ = 0;
   law_touched_ = held_j > 0 && (by_law || law_touched_);
-  if (!law_touched_) {
-    ledger_j_ = gain_short_ = 0;
-    return;
-  }
-  if (owed) ledger_j_ += passivity_.dissipated_j();
-  const double paid = last + ledger_j_ / held_j;
-  gain_short_ = paid < gain_ ? 1 - paid / gain_ : 0;
-  gain_ = std::min(gain_, by_law ? std::min(paid, last + way) : paid);
-  ledger_j_ =
-      std::min(ledger_j_ - (gain_ - last) * held_j, kLargestLedgerJ * options_.limits.joules_per_hand_j);
+  // A finger that came in during the ramp feels answers once that is over.
+  if (!(held_j > 0) || (took_ == EnergyClaim::kRamp && !law_touched_)) return;
+  const double rise = gain_ - last, paid = last + ledger_.balance_j() / held_j;
+  if (rise > 0 && paid < gain_) gain_short_ = 1 - paid / gain_;
+  const double share = rise > 0 && by_law ? std::min(way / rise, 1.0) : 1;
+  gain_ = last + rise * ledger_.go(took_, rise * held_j, share);
 }
 
 // The force before slew: zero unless enabled, finite and in contact.
@@ -123,7 +124,7 @@ Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
   const double left = soft > 0 ? model_n.stableNorm() / soft : 1;
   share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain_) * left * (2 - left);
   // A debt fades what is rendered, not the damping that pays it; and that never pulls a finger in.
-  Vector3 force_n = debt_gain_ * model_n + passivity_.damping_force(hand_m_s(input), dt_s);
+  Vector3 force_n = debt_gain_ * model_n + ledger_.damping_force(hand_m_s(input), dt_s);
   const Vector3& normal = input.surface.normal;
   const double max_n = std::max(debt_gain_ * normal.dot(model_n), 0.0);
   force_n -= std::max(normal.dot(force_n) - max_n, 0.0) * normal;
@@ -187,8 +188,8 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
                               ? fade(input, indentation_m, dt_s)
                               : cap_rise(wanted_n, last_force_n_, largest_rise_n(input, indentation_m, dt_s));
   if (fades) {
-    passivity_.reset();
-    share_ = gain_ = gain_short_ = ledger_j_ = dissipated_j_ = 0;
+    ledger_.reset();
+    share_ = gain_ = gain_short_ = 0;
     law_touched_ = false;
   } else if (force_n.norm() < wanted_n.norm()) {
     share_ *= force_n.norm() / wanted_n.norm();
@@ -200,10 +201,12 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   last_hand_m_.reset();
   if (pose.position_m.allFinite()) last_position_m_ = pose.position_m;
   if (hand_m(input).allFinite()) last_hand_m_ = hand_m(input);
-  output.damping_n_s_m = passivity_.damping_n_s_m();
-  output.energy_j = passivity_.energy_j();
-  output.ledger_j = ledger_j_;
-  output.stored_j = passivity_.stored_j();
+  ledger_.set_gain(law_touched_ ? debt_gain_ * gain_ : 1);
+  output.damping_n_s_m = ledger_.damping_n_s_m();
+  output.energy_j = ledger_.energy_j();
+  output.stored_j = ledger_.stored_j();
+  output.balance_j = ledger_.balance_j();
+  output.refused = ledger_.take_refused();
   return output;
 }
 

@@ -14,8 +14,8 @@
 //   - falls as fast as the model does: no limit holds a force up;
 //   - fades by the slew limit after a fault, a pause or silence, by three times that after a frozen position,
 //     and at least as fast as the finger lifts.
-// In a contact where a law is felt, what silence, age and the ramp have taken from it comes back no further
-// than their falls have earned, or than is paid for by what is dissipated: the ledger of potential_blend.h.
+// What silence, age, the clutch and, where a law is felt, the ramp have taken from a contact comes back no
+// further than the ledger pays for (energy_ledger.h): their falls earn, and so does what is dissipated.
 // A clutched finger stands still in the scene while the hand moves: its force fades, and comes back by the
 // ramp once it is released; what the hand does meanwhile is counted. So what the display gives back in a lift
 // is no more than what the model held and half a tick's K T/2.
@@ -23,8 +23,8 @@
 
 #include <optional>
 
+#include "client/render/energy_ledger.h"
 #include "client/render/force_limits.h"
-#include "client/render/passivity.h"
 #include "client/render/renderer.h"
 
 namespace teletact::client {
@@ -71,8 +71,9 @@ struct ForceChainOutput {
   double energy_j = 0;       // the passivity observer's
   double stored_j = 0;       // held by the model, as far as its force goes out
   double silence_gain = 1;
-  double clutch_gain = 1;         // 0: clutched, no force; between: it goes or comes back
-  double ledger_j = 0;            // earned by gains that fell in this contact, and by dissipation; not spent
+  double clutch_gain = 1;  // 0: clutched, no force; between: it goes or comes back
+  double balance_j = 0;    // may be given back in this contact
+  EnergyLedger::Refused refused = {};
   bool degraded = false;          // model age or energy generated past its limit, or force withheld
   bool energy_generated = false;  // the second of them
   bool withholds = false;         // the third
@@ -88,8 +89,8 @@ class ForceChain {
   ForceChainOutput apply(const ForceChainInput& input) noexcept;
   // What the device last took, for the slew: the chain's own output unless the device was closed meanwhile.
   const Vector3& last_force_n() const noexcept { return last_force_n_; }
-  // Over the last step in contact, for the renderer's budget (passivity.h): what the gain does not need.
-  double dissipated_j() const noexcept { return dissipated_j_; }
+  // For the renderer's claims, before each apply().
+  EnergyLedger& ledger() noexcept { return ledger_; }
 
  private:
   void observe(const ForceChainInput& input) noexcept;
@@ -102,18 +103,17 @@ class ForceChain {
   void settle_gain(const ForceChainInput& input, double indentation_m, double dt_s) noexcept;
 
   ForceChainOptions options_;
-  PassivityController passivity_;
+  EnergyLedger ledger_;
   double age_gain_ = 1;   // falls with the age, recovers slowly: answers that come in bursts do not shake
   double debt_gain_ = 1;  // 1: no energy is owed
   double clutch_gain_ = 1;
   // At the last tick; the second: silence, age, clutch and ramp together.
   double silence_gain_ = 0, gain_ = 0;
-  double ledger_j_ = 0;    // of gain_
-  double gain_short_ = 0;  // share of it that waits to be paid for
-  double dissipated_j_ = 0;
-  bool law_fades_ = false;    // a law was felt since nothing faded last
-  bool law_touched_ = false;  // and in this contact
-  double share_ = 0;          // of what the rendered model holds, as far as its force goes out
+  EnergyClaim took_ = EnergyClaim::kRamp;  // which of them took most when last one did
+  double gain_short_ = 0;                  // share of gain_ that waits to be paid for
+  bool law_fades_ = false;                 // a law was felt since nothing faded last
+  bool law_touched_ = false;               // and in this contact
+  double share_ = 0;                       // of what the rendered model holds, as far as its force goes out
   bool energy_generated_ = false;
   double withheld_s_ = 0;  // that much has been withheld for
   Vector3 last_force_n_ = Vector3::Zero();

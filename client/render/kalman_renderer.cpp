@@ -145,11 +145,27 @@ KalmanRenderer::Row KalmanRenderer::row_at(const Place& place) const noexcept {
   return {1, along_m.x(), along_m.y(), std::clamp(dd_m, -options_.reach_m, options_.reach_m)};
 }
 
+// What pushes a finger along the surface is the gradient of the stiffness (T4.5): of the anchor's, what is
+// still trusted there, the gradient of the trusted offset along it. All of it would drive a finger on as far
+// as it slides.
+double KalmanRenderer::kept_sideways(const Place& place) const noexcept {
+  if (!options_.use_tangent) return 1;
+  const Vector2 shares = place.along_m / options_.correlation_m;
+  const double left = std::max(1 - shares.squaredNorm() / 12, 0.0);
+  const double along = shares.dot(lateral(state_.row(0)).normalized());
+  return left * left * left * left * left * (left - along * along);
+}
+
+double KalmanRenderer::push_at(const Row& row) const noexcept {
+  return std::clamp(state_.col(1).dot(row), 0.0, largest_n_m());
+}
+
 Vector3 KalmanRenderer::stiffness_at(const Place& place) const noexcept {
-  const Vector3 k = state_.transpose() * row_at(place);
-  const double largest = options_.largest_growth * std::max(state_(0, 1), 0.0);
-  return {std::clamp(k.x(), -largest, largest), std::clamp(k.y(), 0.0, largest),
-          std::clamp(k.z(), -largest, largest)};
+  const Row row = row_at(place);
+  const double lost = 1 - kept_sideways(place), max = largest_n_m();
+  Vector3 k = state_.transpose() * row;
+  k -= lost * Vector3(state_(0, 0), 0, state_(0, 2));
+  return {std::clamp(k.x(), -max, max), push_at(row), std::clamp(k.z(), -max, max)};
 }
 
 // Of that stiffness: h P h^T + Q t, of any component.
@@ -172,7 +188,8 @@ double KalmanRenderer::stored_at(const Place& place) const noexcept {
   const double half_m = std::max(place.indentation_m, 0.0) / 2;
   const auto resistance_n = [&](double share) {
     const double indentation_m = (1 + share) * half_m;
-    return indentation_m * felt_at({place.along_m, indentation_m}).y();
+    const double push_n_m = known_ ? push_at(row_at({place.along_m, indentation_m})) : 0;
+    return indentation_m * blend_.felt({0, push_n_m, 0}).y();
   };
   return half_m / 9 * (5 * resistance_n(-kOutermost) + 8 * resistance_n(0) + 5 * resistance_n(kOutermost));
 }
@@ -184,7 +201,8 @@ void KalmanRenderer::blend_from(const Vector3& before_n_m, const Vector3& positi
   blend_.change(before_n_m, known_ ? stiffness_at(place) : Vector3(Vector3::Zero()));
 }
 
-Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
+Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, EnergyLedger& ledger,
+                                double share) noexcept {
   Rendered rendered;
   rendered.gain = gain_;
   const Place place = place_of(pose.position_m);
@@ -197,13 +215,17 @@ Rendered KalmanRenderer::render(const ToolPose& pose, double time_s, double diss
     return rendered;
   }
   const Vector3 model_n_m = known_ ? stiffness_at(place) : Vector3(Vector3::Zero());
-  blend_.settle(model_n_m, indentation_m, elapsed_s, dissipated_j);
-  const Vector3 k = felt_at(place);
+  blend_.settle(model_n_m, indentation_m, elapsed_s, ledger, share);
+  const Vector3 k = blend_.felt(model_n_m);
   rendered.stiffness_n_m = k.y();
   rendered.lateral_stiffness_n_m = lateral(k);
   const Vector3 missing = (k - model_n_m).cwiseAbs2();
   rendered.variance += missing.y();
-  rendered.lateral_variance += lateral(missing);
+  // An estimate of which a share is kept, as of a walk that has come to its sill; or all that is not kept.
+  const double kept = kept_sideways(place);
+  const Vector2 lost_n_m = (1 - kept) * lateral(state_.row(0));
+  rendered.lateral_variance =
+      ((1 + kept * kept) / 2 * rendered.lateral_variance).cwiseMax(lost_n_m.cwiseAbs2()) + lateral(missing);
   rendered.force_n = frame_.to_scene(-indentation_m * k);
   rendered.stored_j = stored_at(place);
   rendered.withheld = blend_.withheld();

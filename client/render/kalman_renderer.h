@@ -21,7 +21,8 @@
 // Model updates are continuous (T5.4) and paid for: paid_blend.h.
 //
 // The variance that is reported is the covariance carried on from the newest answer to the tool, h P h^T + Q
-// t (t: tissue_walk.h), the same for all channels, and the square of what is not yet blended in.
+// t (t: tissue_walk.h), the same for all channels, and the square of what is not yet blended in. Sideways,
+// where a share s of the answer's is kept, (1 + s^2)/2 of the first, but at least the square of what is lost.
 #pragma once
 
 #include <Eigen/Core>
@@ -62,7 +63,11 @@ class KalmanRenderer final : public Renderer {
   void reset() noexcept override;
   bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   using Renderer::render;
-  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+  Rendered render(const ToolPose& pose, double time_s, EnergyLedger& ledger) noexcept override {
+    return render(pose, time_s, ledger, 1);
+  }
+  // For who lets out no more than `share` of what this one's force holds.
+  Rendered render(const ToolPose& pose, double time_s, EnergyLedger& ledger, double share) noexcept;
 
   // The model is felt as it is from now on, nothing blended in: by who does not render this one's force.
   void take_all() noexcept { blend_.clear(); }
@@ -90,6 +95,9 @@ class KalmanRenderer final : public Renderer {
   double walk_n_m() const noexcept;
   double way_m(const Place&) const noexcept;
   Row row_at(const Place&) const noexcept;
+  double largest_n_m() const noexcept { return options_.largest_growth * std::max(state_(0, 1), 0.0); }
+  double push_at(const Row&) const noexcept;
+  double kept_sideways(const Place&) const noexcept;
   Vector3 stiffness_at(const Place&) const noexcept;
   double variance_at(const Place&, double time_s) const noexcept;
   Vector3 felt_at(const Place&) const noexcept;

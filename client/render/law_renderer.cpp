@@ -61,8 +61,7 @@ Potential LawRenderer::softened(const LawValue& value, double d) const noexcept 
   if (!(d > 0) || !(value.energy_j > 0)) return {};
   const double stiffness = kBelow * options_.largest_stiffness_n_m, spring_j = stiffness * d * d / 2;
   const double min_j = std::min(value.energy_j, spring_j);
-  const double sum =
-      std::pow(min_j / value.energy_j, kSharpness) + std::pow(min_j / spring_j, kSharpness);
+  const double sum = std::pow(min_j / value.energy_j, kSharpness) + std::pow(min_j / spring_j, kSharpness);
   const double phi_j = min_j * std::pow(sum, -1 / kSharpness);
   const double of_law = std::pow(phi_j / value.energy_j, kSharpness + 1);
   const double of_spring = std::pow(phi_j / spring_j, kSharpness + 1);
@@ -128,7 +127,7 @@ bool LawRenderer::update(const ForceSample& sample, const ToolPose& pose, double
   kalman_.distrust();
   const bool believed = kalman_.update(sample, pose, time_s);
   kalman_.take_all();
-  blend_.change(felt_, along_m(), d);
+  blend_.change(EnergyClaim::kModel, felt_, along_m(), d);
   return believed;
 }
 
@@ -146,20 +145,20 @@ void LawRenderer::take_law(const NearLaw& law) noexcept {
   if (!by_law_ || !(d > 0) || !trusted(value)) return;
   const Potential now = potential(value, position_m_, d);
   if (now.resistance_n != model_.resistance_n || now.energy_j != model_.energy_j)
-    blend_.change(felt_, along_m(), d);
+    blend_.change(EnergyClaim::kLaw, felt_, along_m(), d);
 }
 
-Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipated_j) noexcept {
+Rendered LawRenderer::render(const ToolPose& pose, double time_s, EnergyLedger& ledger) noexcept {
   const double elapsed_s = time_s - std::exchange(rendered_s_, time_s);
-  // What is dissipated pays once; a filter that is not felt follows its answers for nothing.
+  // A filter that is not felt follows its answers for nothing.
   if (by_law_) kalman_.take_all();
-  const bool pays_here = std::isfinite(dissipated_j) && (by_law_ || !blend_.settled());
-  Rendered rendered = kalman_.render(pose, time_s, pays_here ? 0 : dissipated_j);
+  Rendered rendered = kalman_.render(pose, time_s, ledger, blend_.share());
   const double d = surface_.depth_m(pose.position_m);
   const LawValue value = law_at(pose.position_m);
   const bool by_law = trusted(value);
   const double before_m = surface_.depth_m(position_m_);  // in the air nothing was felt that is to go on
-  if (d > 0 && before_m > 0 && by_law != by_law_) blend_.change(felt_, along_m(), before_m);
+  if (d > 0 && before_m > 0 && by_law != by_law_)
+    blend_.change(EnergyClaim::kBorder, felt_, along_m(), before_m);
   position_m_ = pose.position_m;
   by_law_ = rendered.by_law = by_law;
   if (!(d > 0)) {
@@ -170,9 +169,7 @@ Rendered LawRenderer::render(const ToolPose& pose, double time_s, double dissipa
   const ContactFrame frame(surface_.normal);
   model_ = by_law ? potential(value, pose.position_m, d)
                   : Potential{frame.to_contact(-rendered.force_n), rendered.stored_j};
-  felt_ = blend_.settle(model_, along_m(), d, elapsed_s,
-                        pays_here || !std::isfinite(dissipated_j) ? dissipated_j : 0);
-  rendered.ledger_j = blend_.balance_j();
+  felt_ = blend_.settle(model_, along_m(), d, elapsed_s, ledger);
   if (!by_law && blend_.settled()) return rendered;
   if (by_law) {
     const Vector3 softened_n = resistance_of(value) - model_.resistance_n;

@@ -41,7 +41,7 @@ class LawRenderer final : public Renderer {
   bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override;
   void take_law(const NearLaw& law) noexcept override;
   using Renderer::render;
-  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override;
+  Rendered render(const ToolPose& pose, double time_s, EnergyLedger& ledger) noexcept override;
 
   std::uint64_t dropped() const noexcept { return dropped_; }  // laws found wrong
 

@@ -10,16 +10,17 @@ void PotentialBlend::clear() noexcept {
 }
 
 // A power outside of what a contact has is none: the force, or the energy, is the lesser one then.
-void PotentialBlend::change(const Potential& felt, const Vector2& along_m, double indentation_m) noexcept {
+void PotentialBlend::change(EnergyClaim why, const Potential& felt, const Vector2& along_m,
+                            double indentation_m) noexcept {
   constexpr double kMin = 1, kMax = 6;
   const double work_j = felt.resistance_n.y() * indentation_m;
+  why_ = why;
   share_ = 0;
   energy_j_ = 0;
   along_m_ = along_m, indentation_m_ = indentation_m;
   if (!(work_j > 0 && felt.energy_j > 0)) return;
   power_ = std::clamp(work_j / felt.energy_j, kMin, kMax);
   energy_j_ = std::min(felt.energy_j, work_j / power_);
-  balance_j_ = std::min(balance_j_ + felt.energy_j - energy_j_, options_.largest_balance_j);
   slope_1_m_ = lateral(felt.resistance_n) / energy_j_;
 }
 
@@ -34,11 +35,8 @@ Potential PotentialBlend::before(const Vector2& along_m, double indentation_m) c
 }
 
 Potential PotentialBlend::settle(const Potential& model, const Vector2& along_m, double indentation_m,
-                                 double elapsed_s, double dissipated_j) noexcept {
-  constexpr double kMaxTicks = 1000;                           // all is blended in by then
-  const double earned_j = dissipated_j > 0 ? dissipated_j : 0;  // what is no number earns nothing
-  balance_j_ =
-      std::isfinite(earned_j) ? std::min(balance_j_ + earned_j, options_.largest_balance_j) : earned_j;
+                                 double elapsed_s, EnergyLedger& ledger) noexcept {
+  constexpr double kMaxTicks = 1000;  // all is blended in by then
   withheld_ = 0;
   if (settled()) return model;
   const Potential old = before(along_m, indentation_m);
@@ -56,10 +54,9 @@ Potential PotentialBlend::settle(const Potential& model, const Vector2& along_m,
     clear();
     return model;
   }
-  double step = std::min(1 - share_, way_n > step_n ? step_n / way_n : 1.0);
-  if (rise_j > 0) step = std::min(step, balance_j_ / rise_j);
-  share_ = step < 1 - share_ ? share_ + step : 1;
-  balance_j_ = std::min(balance_j_ - step * rise_j, options_.largest_balance_j);
+  const double left = 1 - share_, step = way_n > step_n ? std::min(step_n / way_n / left, 1.0) : 1;
+  const double gone = ledger.go(why_, ledger.gain() * left * rise_j, step);
+  share_ = gone < 1 ? share_ + gone * left : 1;
   if (settled()) return model;
   Potential now = felt();
   if (rise_j > 0 && model.resistance_n.y() > 0)

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "client/render/contact_frame.h"
+#include "client/render/energy_ledger.h"
 #include "client/render/near_law.h"
 
 namespace teletact::client {
@@ -49,7 +50,6 @@ struct Rendered {
   double stored_j = 0;
   double gain = 0;      // of the last update: how much of the innovation was believed, 0 .. 1
   double withheld = 0;  // share of the model's stiffness that waits to be paid for, 0 .. 1
-  double ledger_j = 0;  // earned in this contact and not spent, by who keeps a ledger (potential_blend.h)
   bool by_law = false;  // a contact law is felt, or would be were the finger in contact
 };
 
@@ -62,12 +62,13 @@ class Renderer {
   virtual bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept = 0;
   // A newer part of the contact law around the finger; who renders none ignores it.
   virtual void take_law(const NearLaw&) noexcept {}
-  // The force at `pose` now. `dissipated_j`: by the display since the last call; what a harder model puts
-  // under a pressed finger is paid from it.
-  virtual Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept = 0;
+  // The force at `pose` now; what a harder model puts under a pressed finger is asked of the ledger.
+  virtual Rendered render(const ToolPose& pose, double time_s, EnergyLedger&) noexcept = 0;
   // As if everything were paid for.
   Rendered render(const ToolPose& pose, double time_s) noexcept {
-    return render(pose, time_s, std::numeric_limits<double>::infinity());
+    EnergyLedger all({.largest_balance_j = std::numeric_limits<double>::infinity()});
+    all.earn(std::numeric_limits<double>::infinity());
+    return render(pose, time_s, all);
   }
 };
 

@@ -45,6 +45,7 @@ TouchTick tick_of(const v1::ServoSample& sample, double time_s, double layer_dep
   // Clutched, nothing is meant to be felt; the ramp after it is as after any start.
   tick.enabled = sample.state() == static_cast<std::uint32_t>(ServoState::kEnabled) && !sample.clutched();
   tick.at_border = sample.at_border();
+  if (sample.has_claim()) tick.refused = {static_cast<EnergyClaim>(sample.claim()), sample.claim_lacks_j()};
   if (sample.has_degraded()) tick.degraded = sample.degraded();
   if (sample.has_service_degraded()) tick.service_degraded = sample.service_degraded();
   if (sample.has_faded()) tick.faded = sample.faded();

@@ -12,6 +12,7 @@
 
 #include "client/link/tactile_image.h"
 #include "client/patient/patient.h"
+#include "client/render/energy_ledger.h"
 #include "teletact/v1/recording.pb.h"
 
 namespace teletact::client {
@@ -25,6 +26,7 @@ struct TouchTick {
   bool at_border = false;
   double round_trip_s = 0;  // of the link, without the service's own time; 0: not known
   std::optional<bool> degraded, service_degraded, faded, by_law;  // absent in recordings of earlier versions
+  std::optional<EnergyLedger::Refused> refused;                   // these too
 };
 
 struct TouchAnswerTime {

@@ -78,6 +78,16 @@ json spells(const TouchRecord& touch, std::optional<bool> TouchTick::*what) {
   return {{"count", counter.count()}, {"s", counter.seconds()}};
 }
 
+// Of energy, that was refused; null where the recording does not say.
+json largest_claim(const TouchRecord& touch) {
+  EnergyLedger::Refused largest;
+  for (const TouchTick& tick : touch.ticks) {
+    if (!tick.refused) return nullptr;
+    if (tick.refused->lacks_j > largest.lacks_j) largest = *tick.refused;
+  }
+  return {{"of", name(largest.who)}, {"lacks_j", largest.lacks_j}};
+}
+
 // Of the time with force on; 0 where the recording does not say.
 double by_law_share(const TouchRecord& touch) {
   std::size_t enabled = 0, by_law = 0;
@@ -111,6 +121,7 @@ json touch_figures(const TouchRecord& touch) {
           {"degraded", spells(touch, &TouchTick::degraded)},
           {"service_degraded", spells(touch, &TouchTick::service_degraded)},
           {"faded", spells(touch, &TouchTick::faded)},
+          {"largest_claim", largest_claim(touch)},
           {"answers",
            {{"count", touch.answers.size()},
             {"distinct_poses", distinct},

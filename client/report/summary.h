@@ -18,7 +18,8 @@ ModulusGrid measured_modulus(const AcquireRecord& record);
 
 // Keys: windows, stalls {count, s}, window_s {p50, p95, max}, window_request_s, touch_rate_hz,
 // touch_latency_s {p50, p99, max}, round_trip_s, by_law_share (of the time with force on), degraded,
-// service_degraded, faded {count, s} (null: not recorded), servo {rate_hz, overruns, lateness_s_p99},
+// service_degraded, faded {count, s} (null: not recorded), largest_claim {of, lacks_j} (energy that was
+// refused; null: not recorded), servo {rate_hz, overruns, lateness_s_p99},
 // force_error {median, p95, coverage}, inclusions {true, found, false, missed}, device, versions, targets.
 // window_s and window_request_s are of the windows published while touching went on
 // (`windows_while_touching`). An inclusion where no window was acquired is not missed.

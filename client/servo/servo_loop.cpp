@@ -42,7 +42,7 @@ void ServoLoop::tick(std::int64_t due_ns) noexcept {
   take_answer(now_ns);
   if (laws_.take(law_)) renderer_.take_law(law_);
   // render
-  const Rendered rendered = renderer_.render(reading_.pose, seconds(now_ns), chain_.dissipated_j());
+  const Rendered rendered = renderer_.render(reading_.pose, seconds(now_ns), chain_.ledger());
   by_law_ = rendered.by_law;
   // limit, and check finite
   const ForceChainOutput limited = chain_.apply(chain_input(rendered, now_ns));
@@ -163,7 +163,8 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.damping_n_s_m = limited.damping_n_s_m;
   tick.device_ok = device_ok;
   tick.held_at_border = reading_.held_at_border;
-  tick.ledger_j = std::min(rendered.ledger_j, limited.ledger_j);
+  tick.balance_j = limited.balance_j;
+  tick.refused = limited.refused;
   tick.withheld = limited.withheld;
   tick.withholds = limited.withholds && !limited.fades;
   tick.degraded = limited.degraded;

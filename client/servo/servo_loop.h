@@ -63,8 +63,9 @@ struct ServoTick {
   double damping_n_s_m = 0;  // the passivity controller's
   bool device_ok = true;     // was read and written
   bool held_at_border = false;
-  double ledger_j = 0;     // the least that a ledger of what is rendered has left (potential_blend.h)
-  double withheld = 0;     // share of the model's stiffness that is not paid for, 0 .. 1
+  double balance_j = 0;                // may be given back in this contact (energy_ledger.h)
+  EnergyLedger::Refused refused = {};  // the largest claim to energy that is refused, and what it lacks
+  double withheld = 0;                 // share of the model's stiffness that is not paid for, 0 .. 1
   bool withholds = false;  // DEGRADED for that alone: much of it, for longer than a hand-over takes
   bool degraded = false;   // the chain trusts the force no longer and fades it, or much of it is withheld
   bool energy_generated = false;  // of these: for energy generated

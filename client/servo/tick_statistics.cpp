@@ -58,6 +58,7 @@ void TickStatistics::add(const ServoTick& tick) {
   stalls_.add(time_s, tick.held_at_border);
   if (tick.force_n.squaredNorm() > 0) ++with_force_, by_law_ += tick.by_law;
   largest_force_n_ = std::max(largest_force_n_, tick.force_n.norm());
+  if (tick.refused.lacks_j > largest_claim_.lacks_j) largest_claim_ = tick.refused;
   lateness_s_.add(tick.lateness_s);
   if (enabled && tick.sequence != 0) model_age_s_.add(tick.model_age_s);
   last_ = tick;

@@ -57,6 +57,7 @@ class TickStatistics {
   double lost_now_s() const noexcept { return lost_now_s_; }  // of these, up to now at a stretch
   const ServoTick& last() const noexcept { return last_; }
   double largest_force_n() const noexcept { return largest_force_n_; }
+  const EnergyLedger::Refused& largest_claim() const noexcept { return largest_claim_; }  // that was refused
   const SpellCounter& stalls() const noexcept { return stalls_; }
   const Histogram& lateness_s() const noexcept { return lateness_s_; }
   const Histogram& period_s() const noexcept { return period_s_; }        // from tick to tick
@@ -78,6 +79,7 @@ class TickStatistics {
   double lost_s_ = 0;
   double lost_now_s_ = 0;
   double largest_force_n_ = 0;
+  EnergyLedger::Refused largest_claim_;
   SpellCounter stalls_{kStallS};
   Histogram lateness_s_;
   Histogram period_s_;

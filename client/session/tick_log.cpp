@@ -10,9 +10,10 @@ namespace {
 std::string degraded(const ServoTick& tick) {
   if (tick.withholds)
     return fmt::format(
-        "DEGRADED, {:.0f} % of the force withheld until it is paid for; lift the finger "
-        "and press anew",
-        100 * tick.withheld);
+        "DEGRADED, {:.0f} % of the force withheld{}; lift the finger and press anew", 100 * tick.withheld,
+        tick.refused.lacks_j > 0
+            ? fmt::format(": {} lacks {:.1f} mJ", name(tick.refused.who), 1e3 * tick.refused.lacks_j)
+            : "");
   if (tick.sequence == 0) return "DEGRADED, no force: no answer to render yet";
   return tick.energy_generated
              ? fmt::format("DEGRADED, force fading: the display generated energy, {:.1f} mJ in all",

@@ -26,7 +26,11 @@ enum Column {
   kRound,
   kModulus,
   kFlags,
-  kReason
+  kReason,
+  kBalance,
+  kClaim,
+  kLacks,
+  kWithheld
 };
 
 float at(const google::protobuf::RepeatedField<double>& vector, int index) {
@@ -51,9 +55,10 @@ void largest(float& of, double value) {
 
 const std::array<const char*, Trace::kColumns>& Trace::columns() {
   static const std::array<const char*, kColumns> names{
-      "t_s",          "x_m",           "y_m",        "z_m",      "force_x_n",   "force_y_n",
-      "force_z_n",    "half_width",    "lateness_s", "period_s", "model_age_s", "silence_s",
-      "round_trip_s", "modulus_age_s", "flags",      "reason"};
+      "t_s",         "x_m",       "y_m",          "z_m",           "force_x_n",
+      "force_y_n",   "force_z_n", "half_width",   "lateness_s",    "period_s",
+      "model_age_s", "silence_s", "round_trip_s", "modulus_age_s", "flags",
+      "reason",      "balance_j", "claim",        "claim_lacks_j", "withheld"};
   return names;
 }
 
@@ -95,6 +100,11 @@ bool Trace::add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional
   row_[kModulus] = static_cast<float>(tick.modulus_age_s());
   row_[kFlags] = flags_of(tick);
   row_[kReason] = static_cast<float>(tick.reason());
+  row_[kBalance] =
+      static_cast<float>(tick.has_balance_j() ? tick.balance_j() : std::numeric_limits<double>::quiet_NaN());
+  row_[kClaim] = static_cast<float>(tick.claim());
+  row_[kLacks] = static_cast<float>(tick.claim_lacks_j());
+  row_[kWithheld] = static_cast<float>(tick.withheld());
   return completes;
 }
 

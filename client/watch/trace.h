@@ -16,7 +16,7 @@ namespace teletact::client {
 class Trace {
  public:
   static constexpr double kRowS = 0.01, kKeptS = 60;
-  static constexpr std::size_t kColumns = 16;
+  static constexpr std::size_t kColumns = 20;
   using Row = std::array<float, kColumns>;
   static const std::array<const char*, kColumns>& columns();  // their names, with units
 

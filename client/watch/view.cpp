@@ -11,6 +11,7 @@
 #include "client/link/estimate_stages.h"
 #include "client/link/scenes.h"
 #include "client/link/tactile_image.h"
+#include "client/render/energy_ledger.h"
 #include "client/servo/states.h"
 
 namespace teletact::client {
@@ -177,6 +178,9 @@ void View::put_status(std::int64_t time_ns, bool at_once) {
   json& reasons = status["reasons"] = json::array();
   for (std::uint32_t n = 0; n <= static_cast<std::uint32_t>(StateReason::kFrozen); ++n)
     reasons.push_back(describe(static_cast<StateReason>(n)));
+  json& claims = status["claims"] = json::array();
+  for (std::uint32_t n = 0; n <= static_cast<std::uint32_t>(EnergyClaim::kBorder); ++n)
+    claims.push_back(name(static_cast<EnergyClaim>(n)));
   put(Channel::kStatus, Slot(std::move(status)));
 }
 

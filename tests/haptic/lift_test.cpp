@@ -70,7 +70,7 @@ Felt lift(const std::string& name, const ForceLimits& limits, const Tissue& tiss
     for (; !on_the_way.empty() && on_the_way.front().pose_time_s + 0.002 <= time_s; on_the_way.pop_front())
       renderer->update(on_the_way.front(), pose, time_s);
     energy_j -= last_n.dot(pose.position_m - last_m);
-    const Rendered rendered = renderer->render(pose, time_s, chain.dissipated_j());
+    const Rendered rendered = renderer->render(pose, time_s, chain.ledger());
     const ForceChainOutput output =
         chain.apply({.rendered = rendered, .pose = pose, .on = true, .enabled_s = 10, .period_s = 0.002});
     const double force_n = output.force_n.norm(), depth_m = std::max(pose.position_m.y(), 0.0);

@@ -18,9 +18,9 @@ constexpr double kServoS = 0.001, kSpeedMS = 0.12, kDepthM = 0.003;
 struct HandOver {
   double before_n_m, after_n_m, update_s;
   double friction_n = device_profile("premium-1.5").friction_n, speed_m_s = kSpeedMS;
-  double largest_jump = 0;                 // of the force, from tick to tick, while along
+  double largest_jump = 0;               // of the force, from tick to tick, while along
   double min_energy_j = 0, end_n_m = 0;  // port: put in less got back, friction being the display's
-  double end_withheld = 0;                 // of the stiffness
+  double end_withheld = 0;               // of the stiffness
 
   Vector3 place(double time_s) const {
     const double down = std::min(time_s / 0.2, 1.0), out = std::clamp((time_s - 0.7) / 0.2, 0.0, 1.0);
@@ -63,10 +63,8 @@ struct HandOver {
         kalman.update(answer(time_s, ++sequence), pose, time_s);
         next_s += update_s;
       }
-      ForceChainInput input{.rendered = kalman.render(pose, time_s, chain.dissipated_j()),
-                            .pose = pose,
-                            .on = true,
-                            .enabled_s = 10};
+      ForceChainInput input{
+          .rendered = kalman.render(pose, time_s, chain.ledger()), .pose = pose, .on = true, .enabled_s = 10};
       const Vector3 force_n = chain.apply(input).force_n;
       if (time_s > 0.25 && time_s < 0.7) {
         const double jump = (force_n - last_n).norm() / std::max(force_n.norm(), last_n.norm());

@@ -107,6 +107,8 @@ TEST(ServoMessages, ARecordedTickSaysEverythingThatTheServoKnows) {
   tick.stored_j = 0.002;
   tick.damping_n_s_m = 1.5;
   tick.withheld = 0.3;
+  tick.balance_j = 0.004;
+  tick.refused = {EnergyClaim::kLaw, 0.006};
   const v1::ServoSample sample = to_record(tick).servo();
   EXPECT_EQ(sample.reason(), static_cast<std::uint32_t>(StateReason::kSilence));
   EXPECT_TRUE(sample.degraded() && sample.indebted() && sample.service_degraded() && sample.faded());
@@ -123,6 +125,9 @@ TEST(ServoMessages, ARecordedTickSaysEverythingThatTheServoKnows) {
   EXPECT_EQ(sample.stored_j(), 0.002);
   EXPECT_EQ(sample.damping_n_s_m(), 1.5);
   EXPECT_EQ(sample.withheld(), 0.3);
+  EXPECT_EQ(sample.balance_j(), 0.004);
+  EXPECT_EQ(sample.claim(), static_cast<std::uint32_t>(EnergyClaim::kLaw));
+  EXPECT_EQ(sample.claim_lacks_j(), 0.006);
   // What is false is there as well: a reader tells it from a recording that does not say.
   EXPECT_TRUE(to_record({}).servo().has_degraded());
   EXPECT_FALSE(to_record({}).servo().degraded());

@@ -84,10 +84,10 @@ TEST(Renderers, FeelTissueThatLiesAskewAsTissueThatLiesLevel) {
       input.on = true;
       input.enabled_s = 10;
       input.period_s = 0.004;
-      input.rendered = level->render(pose, t, level_chain.dissipated_j());
+      input.rendered = level->render(pose, t, level_chain.ledger());
       input.pose = pose;
       const Vector3 expected_n = level_chain.apply(input).force_n;
-      input.rendered = askew->render(turned, t, askew_chain.dissipated_j());
+      input.rendered = askew->render(turned, t, askew_chain.ledger());
       input.pose = turned;
       input.surface = same.surface;
       const Vector3 felt_n = askew_chain.apply(input).force_n;

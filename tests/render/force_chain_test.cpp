@@ -193,6 +193,14 @@ TEST(ForceChain,
   }
 }
 
+TEST(ForceChain, FiftyMillisecondsOfAForceThatIsWithheldAreNotDegradedOneMoreIs) {
+  ForceChain chain({});
+  ForceChainInput input = pressed(0.6);
+  input.rendered.withheld = 0.3;
+  for (int n = 0; n < 50; ++n) EXPECT_FALSE(chain.apply(input).withholds);
+  EXPECT_TRUE(chain.apply(input).withholds);
+}
+
 TEST(ForceChain, NotANumberIsZeroAndSaid) {
   ForceChain chain({});
   ForceChainInput input = pressed(0.6);

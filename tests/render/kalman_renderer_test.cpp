@@ -228,6 +228,12 @@ TEST(KalmanRenderer, GivenAnAnswerFarBehindWhenItIsRenderedThenItsGradientIsGive
   // the inclusion's flank: near the answer its slope is followed, 20 mm on its stiffness is all that is known
   EXPECT_GT(stiffness(0.028), 1.1 * there);
   EXPECT_NEAR(stiffness(0.045), there, 1e-6 * there);
+  // nor is it pushed along there as here
+  const auto sideways = [&](double x_m) {
+    return kalman.render(at(x_m, 0.004), 1).lateral_stiffness_n_m.x();
+  };
+  EXPECT_NEAR(sideways(0.025), -answer.force_n.x() / 0.004, 0.02 * there);
+  EXPECT_NEAR(sideways(0.045), 0, 1e-6 * there);
   for (double x_m = 0.005; x_m < 0.05; x_m += 1e-5)
     EXPECT_NEAR(stiffness(x_m), stiffness(x_m + 1e-5), 0.002 * there) << x_m;
 }
@@ -236,8 +242,9 @@ TEST(KalmanRenderer, GivenTissueForeseenWhenTheFingerArrivesThenItIsThereAtOnce)
   KalmanRenderer kalman;
   const AnalyticTissue tissue;
   EXPECT_TRUE(kalman.update(tissue.told({0.03, -0.002, 0}), at(0.03, -0.002), 0));
-  EXPECT_EQ(kalman.render(at(0.03, -0.002), 0.001, 0).force_n.norm(), 0);
-  const Rendered first = kalman.render(at(0.03, 5e-4), 0.002, 0);
+  EnergyLedger none;
+  EXPECT_EQ(kalman.render(at(0.03, -0.002), 0.001, none).force_n.norm(), 0);
+  const Rendered first = kalman.render(at(0.03, 5e-4), 0.002, none);
   const Vector3 truth = tissue.answer({0.03, 5e-4, 0}).force_n;
   EXPECT_LE((first.force_n - truth).norm(), 0.02 * truth.norm());
   EXPECT_EQ(first.withheld, 0);
@@ -251,17 +258,18 @@ TEST(KalmanRenderer, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceE
   }
   ForceSample none;
   none.position_m = Vector3(0, 0.003, 0);
+  EnergyLedger ledger;
   double last = kalman.render(at(0, 0.003), 0.1).force_n.norm();
   EXPECT_NEAR(last, 1.2, 0.02);
   for (double t = 0.1; t < 0.25; t += 0.001) {
     EXPECT_TRUE(kalman.update(none, at(0, 0.003), t));
-    const double force_n = kalman.render(at(0, 0.003), t, 0).force_n.norm();
+    const double force_n = kalman.render(at(0, 0.003), t, ledger).force_n.norm();
     EXPECT_LE(last - force_n, std::max(0.07 * last, 0.006));
     last = force_n;
   }
   EXPECT_EQ(last, 0);
   // WHEN it is somewhere else THEN nothing old is felt there
-  EXPECT_EQ(kalman.render(at(0.1, 0.003), 60, 1).force_n.norm(), 0);
+  EXPECT_EQ(kalman.render(at(0.1, 0.003), 60).force_n.norm(), 0);
 }
 
 TEST(KalmanRenderer, GivenAHarderModelWhenTheFingerRestsThenItComesAsItIsPaidFor) {
@@ -269,15 +277,20 @@ TEST(KalmanRenderer, GivenAHarderModelWhenTheFingerRestsThenItComesAsItIsPaidFor
   double t = 0;
   for (; t < 0.3; t += 0.003) kalman.update(spring(200, 0.004, t), at(0, 0.004), t);
   kalman.render(at(0, 0.004), t);
-  kalman.render(at(0, -0.001), t, 0);  // lifted: what was saved is gone
+  EnergyLedger ledger;
+  kalman.render(at(0, -0.001), t, ledger);  // lifted
   for (int n = 0; n < 4; ++n, t += 0.003) kalman.update(spring(300, 0.004, t), at(0, 0.004), t);
   const auto stiffness = [&](double paid_j) {
     t += 0.001;
-    return kalman.render(at(0, 0.004), t, paid_j).stiffness_n_m;
+    ledger.earn(paid_j);
+    return kalman.render(at(0, 0.004), t, ledger).stiffness_n_m;
   };
   const double before = stiffness(0);
   for (int n = 0; n < 50; ++n) EXPECT_EQ(stiffness(0), before);
   EXPECT_LT(before, 290);
+  KalmanRenderer lifted = kalman;
+  lifted.render(at(0, -0.001), t, ledger);
+  EXPECT_NEAR(lifted.render(at(0, 0.004), t, ledger).stiffness_n_m, 300, 1);  // anew: as it is
   const double half_square = 0.5 * 0.004 * 0.004;
   EXPECT_NEAR(stiffness(5 * half_square), before + 5, 0.01);  // 5 N/m are paid for
   stiffness(1e-3);

@@ -44,8 +44,8 @@ class Loop {
       in_j_ -= mean_n.x() * (x_ - was_x) + mean_n.y() * (d_ - was_d);
       dissipated_j_ += dissipated_j;
       held_j_ = std::max(held_j_, in_j_);
-      if (d_ > 0) short_j_ = std::max(short_j_, now_.stored_j + now_.ledger_j - in_j_ - dissipated_j_);
-      if (now_.ledger_j < -1e-12) short_j_ = 1;
+      if (d_ > 0) short_j_ = std::max(short_j_, now_.stored_j + ledger_.balance_j() - in_j_ - dissipated_j_);
+      if (ledger_.balance_j() < -1e-12) short_j_ = 1;
     }
   }
   // At rest: the largest change within 10 ms, beyond 2 mN, of the force at their beginning or of `of_n`.
@@ -62,6 +62,7 @@ class Loop {
     return largest;
   }
   const LawRenderer& renderer() const { return renderer_; }
+  EnergyLedger& ledger() { return ledger_; }
   const Rendered& now() const { return now_; }
   double time_s() const { return time_s_; }
   double in_j() const { return in_j_; }  // put in and not given back
@@ -82,10 +83,13 @@ class Loop {
       renderer_.update(sample, {{x_, d_, 0}, Vector3::Zero()}, time_s_);
     }
     last_ = now_;
-    now_ = renderer_.render({{x_, d_, 0}, Vector3::Zero()}, time_s_, dissipated_j);
+    if (!(d_ > 0)) ledger_.reset();
+    ledger_.earn(dissipated_j);
+    now_ = renderer_.render({{x_, d_, 0}, Vector3::Zero()}, time_s_, ledger_);
   }
 
   LawRenderer renderer_;
+  EnergyLedger ledger_;
   AnalyticTissue tissue_;
   std::uint64_t version_ = 0, sequence_ = 0;
   std::size_t late_ = 0;
@@ -111,6 +115,23 @@ TEST(LawLedger, WhatIsDissipatedPaysOnce) {
   loop.hold(1);
   loop.move(kInclusionM + 0.005, -0.001, 0.1);
   EXPECT_GT(loop.in_j() + loop.dissipated_j(), -kRounding * loop.held_j());
+}
+
+TEST(LawLedger, OfAForceThatIsTakenOnlyWhatIsLeftEarns) {
+  for (const double gain : {1.0, 0.25, 0.0}) {
+    Loop loop;
+    loop.answers(tissue_of(4), 1);
+    loop.law(test::law_of(tissue_of(4), 1, -0.02, 0.07));
+    loop.hold(0.2);
+    loop.move(kInclusionM + 0.005, 0.004, 0.1);
+    loop.ledger().set_gain(gain);
+    const double held_j = loop.now().stored_j;
+    loop.answers(tissue_of(1), 2);
+    loop.law(test::law_of(tissue_of(1), 2, -0.02, 0.07));
+    loop.hold(1);
+    ASSERT_LT(loop.now().stored_j, 0.8 * held_j);
+    EXPECT_NEAR(loop.ledger().balance_j(), gain * (held_j - loop.now().stored_j), 0.01 * held_j) << gain;
+  }
 }
 
 // Pressed, another law, slid off and on again while that is blended in, and lifted.
@@ -240,7 +261,7 @@ class Chained {
       out_ = chain_->apply(input);
       in_j_ += (was_n + out_.force_n.norm()) / 2 * (d_ - was_d);
       held_j_ = std::max(held_j_, in_j_);
-      EXPECT_GE(out_.ledger_j, -1e-12);
+      EXPECT_GE(out_.balance_j, -1e-12);
       if (was_d == d_) largest = std::max(largest, std::abs(out_.force_n.norm() - was_n));
     }
     return largest;
@@ -269,6 +290,20 @@ TEST(LawLedger, AForceThatFadedInAStallComesBackNoDearerThanItWasGivenUp) {
     touch.move(-0.001, 0.1, 0, 0, true);
     EXPECT_GT(touch.in_j(), -kRounding * touch.held_j()) << stalled_s;
   }
+}
+
+TEST(LawLedger, AForceOfAnswersThatFadedInAStallIsPaidForToo) {
+  Chained touch;
+  touch.move(0.003, 0.1, 0, 0, false);
+  touch.move(0.003, 0.2, 0, 0.14, false);
+  touch.move(0.006, 0.01, 0.14, 0.15, false);
+  touch.move(0.006, 0.001, 0, 0, false);
+  EXPECT_EQ(touch.out().refused.who, EnergyClaim::kSilence);
+  EXPECT_GT(touch.out().refused.lacks_j, 0);
+  touch.move(0.006, 0.3, 0, 0, false);
+  EXPECT_GT(touch.force_n(), 0.3);
+  touch.move(-0.001, 0.1, 0, 0, false);
+  EXPECT_GT(touch.in_j(), -kRounding * touch.held_j());
 }
 
 TEST(LawLedger, AForceThatIsNotPaidForIsSaidAndWholeWhenPressedAnew) {

@@ -37,13 +37,16 @@ TEST(LawRenderer, FeelsTheTissueWhereTheFingerIsWithoutNewAnswers) {
 TEST(LawRenderer, WithoutALawItIsTheKalmanFilter) {
   Rendering law;
   KalmanRenderer kalman;
+  EnergyLedger ledger;
   for (int k = 0; k < 2000; ++k) {
     const double x = 0.01 + 2e-5 * k, d = 0.002 * std::sin(2e-3 * k);
     if (k % 20 == 0) {
       law.answer(x, d, 3);
       kalman.update(answer_at(x, d, 3, law.sequence, law.time_s), at(x, d), law.time_s);
     }
-    const Rendered one = law.tick(x, d, 1e-6), other = kalman.render(at(x, d), law.time_s, 1e-6);
+    ledger.earn(1e-6);
+    if (!(d > 0)) ledger.reset();
+    const Rendered one = law.tick(x, d, 1e-6), other = kalman.render(at(x, d), law.time_s, ledger);
     ASSERT_EQ(one.force_n, other.force_n) << k;
     ASSERT_EQ(one.stored_j, other.stored_j) << k;
     ASSERT_FALSE(one.by_law);
@@ -203,9 +206,7 @@ TEST(LawRenderer, OfASolidFeelsTheForceAcross) {
     ++sample.sequence;
     renderer.update(sample, {sample.position_m, Vector3::Zero()}, 1e-3 * double(sample.sequence));
   };
-  const auto felt = [&](double z, double d) {
-    return renderer.render({{0.03, d, z}, Vector3::Zero()}, 1, std::numeric_limits<double>::infinity());
-  };
+  const auto felt = [&](double z, double d) { return renderer.render({{0.03, d, z}, Vector3::Zero()}, 1); };
   answer(-resistance_at(z_m, 0.002), 0.03);
   renderer.take_law(across_law());
   felt(z_m, -0.001);

@@ -58,12 +58,16 @@ struct Rendering {
   explicit Rendering(const LawRendererOptions& options = {}) : renderer(options) {}
   Rendered tick(double x_m, double d_m, double dissipated_j = std::numeric_limits<double>::infinity()) {
     time_s += kTickS;
-    return renderer.render(at(x_m, d_m), time_s, dissipated_j);
+    if (std::isinf(dissipated_j)) return renderer.render(at(x_m, d_m), time_s);
+    ledger.earn(dissipated_j);
+    if (!(d_m > 0)) ledger.reset();
+    return renderer.render(at(x_m, d_m), time_s, ledger);
   }
   bool answer(double x_m, double d_m, double peak, std::uint64_t version = 1) {
     return renderer.update(answer_at(x_m, d_m, peak, ++sequence, time_s, version), at(x_m, d_m), time_s);
   }
   LawRenderer renderer;
+  EnergyLedger ledger;
   double time_s = 0;
   std::uint64_t sequence = 0;
 };

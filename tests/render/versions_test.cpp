@@ -27,7 +27,7 @@ ForceSample answer_of(double stiffness_n_m, double lateral_n_m, std::uint64_t ve
 }
 
 // A second on each of these, versions or `models` of one, an answer every `answers_s`: the force at every
-// tick. What was dissipated before pays for the second one: at rest nothing is.
+// tick. Everything is paid for.
 std::vector<Vector3> felt(const std::vector<std::pair<double, double>>& versions, double answers_s,
                           bool models) {
   LawRenderer renderer;
@@ -45,8 +45,7 @@ std::vector<Vector3> felt(const std::vector<std::pair<double, double>>& versions
         if (models) answer.solved_by = std::uint32_t(n + 1);
         renderer.update(answer, pose, time_s);
       }
-      forces.push_back(
-          renderer.render(pose, time_s, n == 0 ? std::numeric_limits<double>::infinity() : 0).force_n);
+      forces.push_back(renderer.render(pose, time_s).force_n);
     }
   return forces;
 }

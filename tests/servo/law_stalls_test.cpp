@@ -53,7 +53,7 @@ TEST_F(LawStalls, ALongerStallFadesTheLawAndItComesBackWithoutAStep) {
   run(0.1);
   EXPECT_NEAR(last.force_n.norm(), pressed_n, 1e-9);
   EXPECT_LT(largest_step_n, 0.007 * pressed_n);
-  EXPECT_GE(last.ledger_j, -1e-12);
+  EXPECT_GE(last.balance_j, -1e-12);
 }
 
 TEST_F(LawStalls, ALawThatEndsInAStallFadesFromThereOn) {

@@ -191,8 +191,8 @@ class BreakingRenderer final : public Renderer {
   bool update(const ForceSample& sample, const ToolPose& pose, double time_s) noexcept override {
     return good_.update(sample, pose, time_s);
   }
-  Rendered render(const ToolPose& pose, double time_s, double dissipated_j) noexcept override {
-    Rendered rendered = good_.render(pose, time_s, dissipated_j);
+  Rendered render(const ToolPose& pose, double time_s, EnergyLedger& ledger) noexcept override {
+    Rendered rendered = good_.render(pose, time_s, ledger);
     if (broken) rendered.force_n.y() = std::numeric_limits<double>::quiet_NaN();
     return rendered;
   }

@@ -115,10 +115,11 @@ TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
   tick_.degraded = true;
   tick_.withheld = 0.62;
   tick_.withholds = true;
+  tick_.refused = {EnergyClaim::kLaw, 0.0032};
   run(10);
   EXPECT_EQ(said_,
-            (Lines{"W servo DEGRADED, 62 % of the force withheld until it is paid for; lift the finger and "
-                   "press anew"}));
+            (Lines{"W servo DEGRADED, 62 % of the force withheld: another contact law lacks 3.2 mJ; lift the "
+                   "finger and press anew"}));
 }
 
 TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswerAndThatTheForceStays) {

@@ -113,12 +113,6 @@ const char* to_string(LawTold law) {
   return law == LawTold::kOne ? "one law" : law == LawTold::kChanging ? "changing" : "coming and going";
 }
 
-// On a flank, while there is no law: answers 50 ms apart and late, of which lift.cpp promises nothing either.
-bool slides_by_answers(const LiftOptions& t) {
-  return t.law == LawTold::kComingAndGoing && t.scene == Scene::kInclusions &&
-         (t.motion == LiftMotion::kSlide || t.hand != nullptr);
-}
-
 void measure_trials(bool quick, Figures& figures, Promises& promises) {
   const std::vector<TrialOptions> all = trials(quick);
   std::vector<TrialResult> results(all.size());
@@ -156,15 +150,13 @@ void measure_lifts(bool quick, Figures& figures, Promises& promises) {
   const std::vector<LiftOptions> all = lifts(quick);
   std::vector<LiftResult> results(all.size());
   client::in_parallel(all.size(), [&](std::size_t n) { results[n] = run_lift(all[n]); });
-  LiftTally steady, by_law, everywhere;
+  LiftTally steady, everywhere;
   for (std::size_t n = 0; n < all.size(); ++n) {
     const LiftOptions& t = all[n];
     everywhere.add(t, results[n]);
     if (t.law == LawTold::kOne && t.stall_s <= kStallS) steady.add(t, results[n]);
-    if (!slides_by_answers(t)) by_law.add(t, results[n]);
     const std::string stalls = t.stall_s > kStallS ? ", long stalls" : t.stall_s > 0 ? ", stalls" : "";
-    const char* slides = slides_by_answers(t) ? ", sliding by answers alone" : "";
-    figures.lifts[to_string(t.law) + stalls + slides].add(t, results[n]);
+    figures.lifts[to_string(t.law) + stalls].add(t, results[n]);
   }
   std::printf("by the contact law, presses to the largest force, slides, taps and lifts\n");
   for (const auto& [name, t] : figures.lifts)
@@ -177,7 +169,7 @@ void measure_lifts(bool quick, Figures& figures, Promises& promises) {
   promises.push_back(
       {"law_lifts_most_given_back_beyond_what_was_put_in", steady.over_allowed, kOverAllowed, "of K T/2"});
   promises.push_back({"law_changes_and_long_stalls_most_given_back_beyond_what_was_paid_for",
-                      by_law.over_paid, kOverAllowed, "of K T/2"});
+                      everywhere.over_paid, kOverAllowed, "of K T/2"});
   promises.push_back({"law_lifts_degraded", double(steady.degraded), 0, "trials"});
   promises.push_back({"law_lifts_least_left_in_a_ledger", everywhere.min_ledger_j, -kRoundingJ, "J", false});
   promises.push_back({"law_lifts_force_reached_over_the_largest", everywhere.max_force, 0.9, "", false});

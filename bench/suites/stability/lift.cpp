@@ -17,7 +17,6 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LiftResult, in_air_n, largest_n, stored_j, gi
 
 namespace {
 
-constexpr double kLateS = 0.02;
 // A harder model is given as the mechanism's damping pays for it (T5.4b), which is left out here.
 constexpr double kOverAllowed = 1.1;
 
@@ -60,12 +59,11 @@ std::vector<LiftOptions> trials(bool quick) {
 }
 
 // A model that is honest: of the tissue below the finger. On the flank of an inclusion a hand slides: there
-// it needs its gradients, and answers that are not too late. A force that is held as it is gives energy
-// (T5.2), and is said to.
+// it needs its gradients. A force that is held as it is gives energy (T5.2), and is said to.
 bool honest(const LiftOptions& t) {
   if (t.renderer != "kalman" && t.renderer != "kalman-force") return false;
   const bool slides = t.hand != nullptr && t.scene == Scene::kInclusions;
-  return !slides || (t.renderer == "kalman" && t.update_s + t.model_delay_s <= kLateS);
+  return !slides || t.renderer == "kalman";
 }
 
 struct Row {

@@ -165,13 +165,14 @@ function showFaults(any) {
 }
 
 const marks = { OLD: '–', ENABLED: '●', PAUSED: '❚❚', FAULT: '✕', DISABLED: '○', DEGRADED: '◐' };
+const claim = (row) => `${model.status?.claims?.[row.at('claim')] ?? 'a claim'} lacks ${shown(row.at('claim_lacks_j'), 'J')}`;
 function showNow(row) {
   const state = model.old ? 'OLD' : panels.stateName(row);
   $('state').dataset.state = $('now').dataset.state = state;
   set('state-mark', marks[state]);
   set('state-name', state);
   const reason = model.status?.reasons?.[row.at('reason')] ?? '';
-  set('state-reason', model.old ? `${model.old}; what stands here was the last` : row.faded ? `no answer for ${shown(row.at('silence_s'), 's')}: the force fades` : row.degraded ? 'the force is not trusted and fades: the log says why' : row.byService ? `${reason}; the service doubts its answer` : reason);
+  set('state-reason', model.old ? `${model.old}; what stands here was the last` : row.faded ? `no answer for ${shown(row.at('silence_s'), 's')}: the force fades` : row.degraded ? (row.at('claim') > 0 ? `${(100 * row.at('withheld')).toFixed(0)} % of the force is withheld: ${claim(row)}` : 'the force is not trusted and fades: the log says why') : row.byService ? `${reason}; the service doubts its answer` : reason);
   const half = row.at('half_width');
   set('force-now', `${row.size.toFixed(3)} N${half >= 0 && row.size > 0 ? ` ± ${(100 * half).toFixed(0)} %` : ''}`);
   const path = model.status?.answer?.path;
@@ -179,6 +180,7 @@ function showNow(row) {
   set('age-now', shown(row.at('model_age_s'), 's'));
   set('round-now', row.at('round_trip_s') > 0 ? shown(row.at('round_trip_s'), 's') : '–');
   set('silence-now', shown(row.at('silence_s'), 's'));
+  set('energy-now', `${shown(row.at('balance_j'), 'J')}${row.at('claim') > 0 ? `; ${claim(row)}` : ''}`);
   set('modulus-now', row.at('modulus_age_s') > 0 ? shown(row.at('modulus_age_s'), 's') : '–');
 }
 
