@@ -7,6 +7,7 @@
 
 namespace teletact::bench {
 
+using client::EnergyLedger;
 using client::ForceSample;
 using client::Rendered;
 using client::ToolPose;
