@@ -17,10 +17,7 @@
 
 namespace teletact::service {
 
-class ElastographyService;
 class HealthService;
-class InfoService;
-class PalpationService;
 class UnknownMethods;
 
 struct ServerOptions {
@@ -65,9 +62,7 @@ class Server {
   std::shared_ptr<void> held_;  // the socket; first: until nobody listens
   std::shared_ptr<grpc::ServerCredentials> credentials_;
   std::unique_ptr<Core> core_;
-  std::unique_ptr<ElastographyService> elastography_;
-  std::unique_ptr<InfoService> info_;
-  std::unique_ptr<PalpationService> palpation_;
+  std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<HealthService> health_;
   std::unique_ptr<UnknownMethods> unknown_;
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
