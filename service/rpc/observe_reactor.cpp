@@ -13,8 +13,8 @@
 #include "service/rpc/scene_news.h"
 #include "service/rpc/served_call.h"
 #include "service/rpc/touch_messages.h"
-#include "service/touch_plane/observed_touch.h"
 #include "service/touch_plane/observer.h"
+#include "service/touch_plane/touch_stream.h"
 #include "teletact/v1/palpation.pb.h"
 
 namespace teletact::service {
@@ -102,7 +102,7 @@ class ObserveReactor final : public ServedStream<v1::ObserveRequest, v1::Observa
     const auto scene = core_.scenes.find(open.scene_id());
     news_ = std::make_unique<SceneNews>(core_, copying_, scene, client_of(*context_), open);
     observer_ = std::make_unique<Observer>(
-        scene, Observer::Options{open.answers(), open.surface(), open.session_id(), open.max_rate_hz()});
+        scene, Observers::Options{open.answers(), open.surface(), open.session_id()}, open.max_rate_hz());
     opened_ = true;
     spdlog::info("event=observe_opened stream={} scene={} peer={}", id(), scene->id(), context_->peer());
   }

@@ -18,7 +18,7 @@
 #include "service/rpc/served_call.h"
 #include "service/rpc/touch_messages.h"
 #include "service/scene/errors.h"
-#include "service/touch_plane/mailbox.h"
+#include "service/touch_plane/touch_exchange.h"
 #include "service/touch_plane/touch_stream.h"
 #include "service/touch_plane/touch_workers.h"
 #include "teletact/v1/palpation.pb.h"

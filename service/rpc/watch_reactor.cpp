@@ -11,7 +11,7 @@
 #include "service/rpc/core.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/rpc/served_call.h"
-#include "service/touch_plane/finger_watch.h"
+#include "service/touch_plane/observer.h"
 #include "teletact/v1/palpation.pb.h"
 
 namespace teletact::service {

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -206,12 +207,12 @@ bool covers(std::vector<Region> ranges, const Region& wanted) {
 
 }  // namespace
 
-Published Scene::publish(const WindowEstimate& estimate, const std::function<bool()>& cancelled) {
+Published Scene::publish(const WindowEstimate& estimate) {
   const double end_of_estimate_m = estimate.window_x_m + estimate.width_m;
   check_window(estimate.window_x_m, end_of_estimate_m);
   const auto check = [&] {
     require_exists();
-    if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
+    check_cancelled();
   };
   const std::lock_guard lock(publishing_);
   const auto old = snapshot();

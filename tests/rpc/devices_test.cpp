@@ -4,7 +4,7 @@
 #include <future>
 #include <map>
 
-#include "service/device/fault.h"
+#include "service/device/device.h"
 #include "service/rpc/estimate_messages.h"
 #include "service/scene/errors.h"
 #include "tests/rpc/estimate_client.h"
