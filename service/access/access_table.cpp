@@ -33,17 +33,7 @@ bool allows(Role role, Need need) {
 }
 
 const char* name_of(Role role) {
-  switch (role) {
-    case Role::kPatient:
-      return "patient";
-    case Role::kOperator:
-      return "operator";
-    case Role::kObserver:
-      return "observer";
-    case Role::kAdministrator:
-      return "administrator";
-  }
-  return "none";
+  return std::array{"patient", "operator", "observer", "administrator"}.at(static_cast<std::size_t>(role));
 }
 
 std::optional<Role> role_of(std::string_view name) {
@@ -53,23 +43,9 @@ std::optional<Role> role_of(std::string_view name) {
 }
 
 const char* words_of(Need need) {
-  switch (need) {
-    case Need::kKnown:
-      return "ask about";
-    case Need::kRead:
-      return "read";
-    case Need::kFeel:
-      return "touch";
-    case Need::kSteer:
-      return "steer a touch of";
-    case Need::kPublish:
-      return "publish into";
-    case Need::kFollow:
-      return "follow the finger of";
-    case Need::kDelete:
-      return "delete";
-  }
-  return "use";
+  return std::array{"ask about", "read", "touch", "steer a touch of", "publish into", "follow the finger of",
+                    "delete"}
+      .at(static_cast<std::size_t>(need));
 }
 
 std::string roles_for(Need need) {

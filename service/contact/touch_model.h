@@ -149,7 +149,6 @@ struct TouchJob {
   // Of the force, relative, as it is known without it; infinite: nothing is known; 0: it is for where the
   // finger will be.
   double error = 0;
-  double cost_s = 0;  // how long it takes, about; 0: not known
   JobWait wait = JobWait::kBeside;
   // Works in small steps, none of which is begun after `until`, or has it done beside, at once, and waits
   // for that until then. True when it is done. Throws what makes an answer impossible. Not beyond the layer.
