@@ -205,10 +205,6 @@ std::vector<Layer> PlaneTouchModel::layers() const {
   return free_layers(tissue_->problem().grid.y_m, tissue_->problem().supports);
 }
 
-TouchCost PlaneTouchModel::cost() const {
-  return {tissue_->compliance_bytes(), tissue_->condensation_operations()};
-}
-
 std::string PlaneTouchModel::plan() const {
   return budget_->words();
 }

@@ -1,7 +1,6 @@
 #include "service/scene/scene.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -175,11 +174,7 @@ std::shared_ptr<const TouchModel> Scene::build(const StitchedMap& map, const Reg
     const std::lock_guard lock(users_);
     std::unique_copy(layers_in_use_.begin(), layers_in_use_.end(), std::back_inserter(wanted.in_use));
   }
-  auto model = models_->of_window(wanted);
-  const TouchCost cost = model->cost();
-  spdlog::debug("event=model_made scene={} model={} layer_bytes={} layer_operations={:.3g}", id_,
-                model->name(), cost.bytes, cost.operations);
-  return model;
+  return models_->of_window(wanted);
 }
 
 namespace {

@@ -131,10 +131,6 @@ std::size_t CondensedCompliances::compliance_bytes() const {
   return 4 * problem_->touchable.size() * problem_->touchable.size() * sizeof(double);
 }
 
-double CondensedCompliances::operations() const {
-  return std::min(cost_.by_rows, cost_.by_columns);
-}
-
 // What a row's successor may take over (T4.2c).
 std::size_t CondensedCompliances::sides_bytes() const {
   const std::size_t t = problem_->touchable.size(), rows = free_.rows();

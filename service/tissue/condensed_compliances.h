@@ -32,9 +32,6 @@ class CondensedCompliances final : public Reclaimable {
   std::shared_ptr<Compliance> at(std::size_t row);
   // That of the row if it is kept, else null.
   std::shared_ptr<Compliance> find(std::size_t row);
-  // Of a row's compliance; operations in floating point to condense it.
-  std::size_t compliance_bytes() const;
-  double operations() const;
   // Gives back the interior row used longest ago that nobody holds.
   std::uint64_t last_use() const override { return used_; }
   bool give_back() override;
@@ -51,6 +48,7 @@ class CondensedCompliances final : public Reclaimable {
   };
   std::shared_ptr<Compliance> condense(std::size_t row);
   bool by_columns(std::size_t row);
+  std::size_t compliance_bytes() const;  // of a row
   std::size_t sides_bytes() const;
   std::size_t swept_bytes() const;
   std::size_t working_bytes() const;

@@ -49,14 +49,6 @@ std::shared_ptr<Compliance> TissueModel::ready(std::size_t row, const std::share
   return device ? iterative_->find(row, device) : condensed_->find(row);
 }
 
-std::size_t TissueModel::compliance_bytes() const {
-  return condensed_->compliance_bytes();
-}
-
-double TissueModel::condensation_operations() const {
-  return condensed_->operations();
-}
-
 void warm_iterative(const std::shared_ptr<Device>& device) {
   constexpr std::size_t kColumns = 120, kRows = 33;
   const TissueGrid grid{uniform_coordinates(0, 0.120, kColumns), uniform_coordinates(0, 0.040, kRows)};
