@@ -77,13 +77,8 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   address_ = listening.address;
   held_ = listening.held;
   credentials_ = credentials_of(options.listen);
-  auto access = options.listen.access.empty()
-                    ? nullptr
-                    : std::make_shared<const Access>(options.listen.access, options.now, options.access_look);
-  core_ = std::make_unique<Core>(
-      devices, random_instance(), options.state_directory, options.limits, options.models, options.reopen,
-      [this](bool work) { tell_devices(work); }, std::move(access), options.standby, options.slow,
-      options.connections);
+  core_ =
+      std::make_unique<Core>(devices, random_instance(), options, [this](bool work) { tell_devices(work); });
   for (const auto make : {elastography_service, info_service, palpation_service})
     services_.push_back(make(*core_));
   health_ = std::make_unique<HealthService>();

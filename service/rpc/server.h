@@ -4,14 +4,10 @@
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
 
-#include <chrono>
-#include <filesystem>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "service/rpc/address.h"
 #include "service/rpc/core.h"
 #include "service/rpc/free_memory.h"
 
@@ -19,20 +15,6 @@ namespace teletact::service {
 
 class HealthService;
 class UnknownMethods;
-
-struct ServerOptions {
-  ListenOptions listen;
-  std::filesystem::path state_directory;  // empty: scenes end with the process
-  bool standby = false;                   // make_ready() waits while another process has that folder
-  // The device of this number, after it failed.
-  std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
-  Limits limits;
-  ConnectionLimits connections;
-  std::shared_ptr<const TouchModels> models = tissue_models();  // what scenes are touched on
-  SlowTimes slow;
-  Access::Now now = WallClock::now;  // by which access expires
-  std::chrono::milliseconds access_look = FileWatch::kLook;
-};
 
 class Server {
  public:
