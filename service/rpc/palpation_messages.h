@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -22,6 +23,23 @@
 namespace teletact::service {
 
 namespace v1 = ::teletact::v1;
+
+// The uniform cells on which a scene is shown, by their centres, in scene coordinates. Index i + nx j of the
+// grid's nodes, the cells' centres.
+struct CellView {
+  static constexpr std::size_t kCellBytes = 2 * sizeof(float) + 1;
+  ImageGrid grid;
+  std::vector<float> modulus_pa;     // 0 where nothing was published
+  std::vector<float> log_deviation;  // standard deviation of ln E; NaN where not known
+  std::vector<std::uint8_t> valid;   // 1 where measured
+};
+
+// All of a scene's cells.
+ImageGrid cells_of(const SceneSnapshot&, const SceneGeometry&);
+// Those of columns [begin, end). Where the modulus was given, each shows the element that its centre lies in;
+// of a solid, in the slice nearest to the middle.
+CellView view_of(const SceneSnapshot&, const SceneGeometry&, std::size_t begin = 0,
+                 std::size_t end = std::numeric_limits<std::size_t>::max());
 
 // Of a table with the contract's enumerator for each of ours: the one that stands for `value` ...
 template <class Table, class Ours>

@@ -13,7 +13,6 @@
 #include <utility>
 #include <vector>
 
-#include "service/rpc/cell_view.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/scene/scene.h"
 #include "teletact/v1/palpation.pb.h"
