@@ -12,7 +12,7 @@
 #define OUTER real
 #endif
 
-// Steps, as in service/solver/cycle_plan.h.
+// Steps, as in service/solver/level_layout.h.
 #define STEP_RESIDUAL 0
 #define STEP_SMOOTH 1
 #define STEP_SMOOTH_FROM_ZERO 2

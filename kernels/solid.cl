@@ -23,7 +23,7 @@ real sum_lanes(const vec v) {
 }
 
 // out = K d, and partial sums of d . K d, one of each item. stiffness: of each layer 24 x 24 for a modulus of
-// 1 (service/tissue/solid/hexahedron.h); modulus: [layer][z][x], wide in x. 1152 flops a node.
+// 1 (service/tissue/solid/solid_tissue.h); modulus: [layer][z][x], wide in x. 1152 flops a node.
 kernel void solid_apply(global const real* restrict stiffness, global const real* restrict modulus,
                         global const real* restrict d, global real* restrict out,
                         global accum* restrict partial, const int nx, const int nz, const int layers) {

@@ -24,7 +24,6 @@
 #include "service/base/log_formatter.h"
 #include "service/base/shown.h"
 #include "service/device/device.h"
-#include "service/device/environment.h"
 #include "service/operation/admin.h"
 #include "service/operation/configuration.h"
 #include "service/rpc/server.h"
@@ -83,7 +82,7 @@ sigset_t block_stop_signals() {
 
 struct Running {
   std::unique_ptr<Server> server;
-  std::unique_ptr<Admin> admin;  // where it was asked for; goes first
+  std::unique_ptr<HttpListener> admin;  // where it was asked for; goes first
 };
 
 Running start(ServeOptions options) {
@@ -95,7 +94,7 @@ Running start(ServeOptions options) {
   std::vector<std::shared_ptr<Device>> devices;
   for (const DeviceOptions& device : chosen) devices.push_back(Device::open(device));
   Running running{std::make_unique<Server>(devices, options.server), nullptr};
-  if (!options.admin.empty()) running.admin = std::make_unique<Admin>(options.admin, running.server->core());
+  if (!options.admin.empty()) running.admin = listen_for_admin(options.admin, running.server->core());
   running.server->make_ready();
   return running;
 }

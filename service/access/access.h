@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -16,6 +17,13 @@
 #include "service/base/paced_log.h"
 
 namespace teletact::service {
+
+// The file of --access, TOML: an array of tables [[entry]], each with a name, token_sha256 and/or
+// certificate, roles, and optionally expires.
+inline constexpr std::size_t kMaxAccessBytes = std::size_t{4} << 20;  // some 10,000 entries
+
+// Throws std::runtime_error, one line: file, entry, key and remedy.
+AccessTable read_access(const std::filesystem::path& file);
 
 class Access {
  public:

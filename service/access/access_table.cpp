@@ -2,14 +2,78 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <openssl/evp.h>
 
 #include <algorithm>
+#include <charconv>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
 #include "service/base/shown.h"
 
 namespace teletact::service {
+
+bool allows(Role role, Need need) {
+  switch (need) {
+    case Need::kKnown:
+    case Need::kRead:
+      return true;
+    case Need::kFeel:
+      return role != Role::kPatient;
+    case Need::kSteer:
+      return role == Role::kOperator || role == Role::kAdministrator;
+    case Need::kPublish:
+    case Need::kFollow:
+      return role == Role::kPatient || role == Role::kAdministrator;
+    case Need::kDelete:
+      return role == Role::kAdministrator;
+  }
+  return false;
+}
+
+const char* name_of(Role role) {
+  return std::array{"patient", "operator", "observer", "administrator"}.at(static_cast<std::size_t>(role));
+}
+
+std::optional<Role> role_of(std::string_view name) {
+  for (const Role role : kRoles)
+    if (name == name_of(role)) return role;
+  return std::nullopt;
+}
+
+const char* words_of(Need need) {
+  return std::array{"ask about", "read", "touch", "steer a touch of", "publish into", "follow the finger of",
+                    "delete"}
+      .at(static_cast<std::size_t>(need));
+}
+
+std::string roles_for(Need need) {
+  std::string names;
+  for (const Role role : kRoles)
+    if (allows(role, need)) names += (names.empty() ? "" : " or ") + std::string(name_of(role));
+  return names;
+}
+
+Digest digest_of(std::string_view token) {
+  Digest out;
+  unsigned size = 0;
+  if (EVP_Digest(token.data(), token.size(), out.data(), &size, EVP_sha256(), nullptr) != 1 ||
+      size != out.size())
+    throw std::runtime_error("SHA-256 cannot be computed");
+  return out;
+}
+
+std::optional<Digest> digest_from(std::string_view hex) {
+  Digest out;
+  if (hex.size() != 2 * out.size()) return std::nullopt;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const char* const begin = hex.data() + 2 * k;
+    const auto read = std::from_chars(begin, begin + 2, out[k], 16);
+    if (read.ec != std::errc() || read.ptr != begin + 2) return std::nullopt;
+  }
+  return out;
+}
 
 namespace {
 

@@ -1,18 +1,50 @@
 // Who may do what, at one moment: never changed, replaced as a whole.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <map>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "service/access/roles.h"
-#include "service/access/token.h"
-
 namespace teletact::service {
+
+// What each role may do. For people the table stands in docs/guide/service.md (Security).
+enum class Role { kPatient, kOperator, kObserver, kAdministrator };
+inline constexpr std::array kRoles{Role::kPatient, Role::kOperator, Role::kObserver, Role::kAdministrator};
+
+// What a call needs of who makes it.
+enum class Need {
+  kKnown,    // to be known: GetInfo
+  kRead,     // GetScene, ListScenes, Observe
+  kFeel,     // Touch, without steering
+  kSteer,    // Touch that may steer
+  kPublish,  // CreateScene, PublishSlice, Estimate
+  kFollow,   // WatchFinger
+  kDelete,   // DeleteScene
+};
+
+bool allows(Role, Need);
+
+// "operator", as the file of access names it.
+const char* name_of(Role);
+std::optional<Role> role_of(std::string_view name);
+// What one does who needs it: "steer a touch of".
+const char* words_of(Need);
+// Who may: "operator or administrator".
+std::string roles_for(Need);
+
+// Tokens: secrets by which a client shows who it is. The service keeps their SHA-256 alone.
+using Digest = std::array<unsigned char, 32>;  // SHA-256
+
+// Throws std::runtime_error where the cryptographic library fails.
+Digest digest_of(std::string_view token);
+// 64 hexadecimal digits, of either case; else none.
+std::optional<Digest> digest_from(std::string_view hex);
 
 using WallClock = std::chrono::system_clock;
 

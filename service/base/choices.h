@@ -8,7 +8,7 @@
 
 namespace teletact::service::choices {
 
-// The tissue that a window is touched on (scene/window_tissue.h).
+// The tissue that a window is touched on (scene/tissue_models.h).
 inline constexpr double kFine = 0.001;       // columns under the finger; rows down to kFineDepth
 inline constexpr double kCoarse = 0.008;     // columns far away
 inline constexpr double kCoarseRow = 0.002;  // rows below kFineDepth

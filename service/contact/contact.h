@@ -24,7 +24,7 @@ struct ContactOptions {
 
 // Solves the contact for one pose from one energy (T4.5), per metre of thickness:
 //   U(pose) = max over p_y >= 0, p_x of  p^T w(pose) - 1/2 p^T (S + C(pose)) p + W(p_y, pose),
-// S the row's compliance, W the tip's skin, which makes force and tangent smooth in the pose (skin.h).
+// S the row's compliance, W the tip's skin, which makes force and tangent smooth in the pose (fingertip.h).
 // Frictionless: p_y alone, C = 0. Stuck: every overlapped node (w_i > 0) is tied to its place sideways by a
 // spring of compliance C_i = 0.01 S_xx,ii (1 mm / w_i)^3 on the tangential diagonal: rigid to 1 % at 1 mm of
 // overlap, vanishing with its first two derivatives as the overlap does, so that force and tangent have no

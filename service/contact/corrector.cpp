@@ -85,11 +85,6 @@ void Corrector::forget_failure() {
   failure_ = nullptr;
 }
 
-double Corrector::lasts_s() const {
-  const std::lock_guard lock(mutex_);
-  return lasts_s_;
-}
-
 void Corrector::run() {
   while (true) {
     Hint hint;

@@ -39,7 +39,6 @@ class Corrector {
   // Of the last correction; null: it went well.
   std::exception_ptr failure() const;
   void forget_failure();
-  double lasts_s() const;  // a correction, about; 0: none was made
 
  private:
   struct Hint {

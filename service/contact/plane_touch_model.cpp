@@ -68,7 +68,7 @@ class PlaneLayer final : public TouchedLayer {
     });
     const bool stuck = tip.friction == Friction::kStuck;
     if (compliance_->prepare(nodes, stuck, {})) return std::nullopt;
-    return TouchJob{HUGE_VAL, 0, JobWait::kFirst,
+    return TouchJob{HUGE_VAL, JobWait::kFirst,
                     [this, stuck, nodes = std::move(nodes)](Clock::time_point until) {
                       return compliance_->prepare(nodes, stuck, until);
                     }};
@@ -203,10 +203,6 @@ Region PlaneTouchModel::region() const {
 
 std::vector<Layer> PlaneTouchModel::layers() const {
   return free_layers(tissue_->problem().grid.y_m, tissue_->problem().supports);
-}
-
-TouchCost PlaneTouchModel::cost() const {
-  return {tissue_->compliance_bytes(), tissue_->condensation_operations()};
 }
 
 std::string PlaneTouchModel::plan() const {

@@ -13,10 +13,8 @@ namespace teletact::service {
 class PlaneTouchModel final : public TouchModel {
  public:
   explicit PlaneTouchModel(std::shared_ptr<const TissueModel>, MemoryAccount = {});
-  const char* name() const override { return "plane-strain"; }
   Region region() const override;
   std::vector<Layer> layers() const override;
-  TouchCost cost() const override;
   std::string plan() const override;
   // kCompliance: condensed; kGradients: by conjugate gradients on the way's device. kAuto: condensed.
   std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork&) const override;

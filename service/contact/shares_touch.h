@@ -9,7 +9,7 @@
 #include "service/base/force_budget.h"
 #include "service/contact/layered_touch.h"
 #include "service/contact/touch_model.h"
-#include "service/tissue/solid/force_shares.h"
+#include "service/tissue/solid/element_shares.h"
 #include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::service {

@@ -10,8 +10,7 @@
 
 #include "service/contact/fingertip.h"
 #include "service/contact/solid_answer.h"
-#include "service/contact/solid_budget.h"
-#include "service/contact/solid_node.h"
+#include "service/contact/solid_patch.h"
 
 namespace teletact::service {
 namespace {

@@ -15,8 +15,7 @@
 #include "service/contact/layered_touch.h"
 #include "service/contact/shares_touch.h"
 #include "service/contact/touch_model.h"
-#include "service/tissue/solid/felt_modulus.h"
-#include "service/tissue/solid/force_shares.h"
+#include "service/tissue/solid/element_shares.h"
 #include "service/tissue/solid/recycled_compliance.h"
 #include "service/tissue/solid/solid_solver.h"
 

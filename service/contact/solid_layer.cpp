@@ -164,7 +164,7 @@ std::optional<TouchJob> SolidLayer::wanted(const Fingertip& tip, const TouchPose
   if (!(at[1] > 0) || around_m > 0 || shares_will_do(tip, at)) return {};
   if (law_) return wanted_of_law(tip, at);
   const auto [vx, vy, vz] = pose.velocity_m_s;
-  TouchJob job{error_of(answered(tip, pose).solve), nodes_->corrector.lasts_s()};
+  TouchJob job{error_of(answered(tip, pose).solve)};
   if (!(job.error > 0) && !(std::hypot(vx, vy, vz) > kStillMS)) return {};
   job.work = [this, tip, pose](Clock::time_point until) { return correct(tip, pose, until); };
   if (!(job.error > 0)) return job;
@@ -215,7 +215,7 @@ std::optional<TouchJob> SolidLayer::wanted_of_law(const Fingertip& tip, const Ve
     }
     return true;
   };
-  return TouchJob{error, 0, JobWait::kFirst, work};
+  return TouchJob{error, JobWait::kFirst, work};
 }
 
 void SolidLayer::make_own() {

@@ -3,12 +3,13 @@
 #pragma once
 
 #include <Eigen/Core>
+
 #include <cstddef>
 #include <vector>
 
+#include "service/contact/fingertip.h"
 #include "service/contact/patch_solver.h"
-#include "service/contact/pose_energy.h"
-#include "service/contact/skin.h"
+#include "service/contact/touch.h"
 #include "service/contact/touch_model.h"
 #include "service/tissue/solid/recycled_compliance.h"
 #include "service/tissue/solid/solid_solver.h"
@@ -51,5 +52,18 @@ struct LinearisedContact {
   Eigen::VectorXd w_m, force_n;  // force: p where it was found
 };
 LinearisedContact linearise(const SolidPatch&, const PatchSolution&);
+
+// The single-node contact on solid tissue (T4.5, T8.4): one constraint on the weighted mean of the nodes
+// around the pose, as touch_node (touch.h) has it in the plane.
+struct SolidTouch {
+  SolidEnergy energy;
+  LinearisedContact contact;
+};
+
+// U = max over f of f.d - f.(B^T S B) f / 2: B the weights, the product of those along x and along z
+// (footprint, fingertip.h), d = [0, indentation, 0]; frictionless: f_y alone. Bilateral: the weights are >=
+// 0. The contact is linear as it stands: it has forces, no skin and no w. Throws as patch_under, and as
+// footprint; std::domain_error where the compliance is not positive definite.
+SolidTouch touch_node(const SolidGrid&, const RecycledCompliance&, const Fingertip&, const Vector3& pose);
 
 }  // namespace teletact::service

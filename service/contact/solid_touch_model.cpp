@@ -69,14 +69,6 @@ std::vector<Layer> SolidTouchModel::layers() const {
   return free_layers(state_->block.tissue.grid.y_m, Supports{});
 }
 
-TouchCost SolidTouchModel::cost() const {
-  // On the device: five fields, the transforms' spectrum, the factor of a quarter of the wave numbers, the
-  // moduli. To get it ready: the factor of 3 x 3 blocks.
-  const SolidGrid& grid = state_->block.tissue.grid;
-  const std::size_t elements = grid.elements();
-  return {elements * (5 * 3 + 4 + 4 + 1) * sizeof(float), 150.0 * static_cast<double>(elements)};
-}
-
 std::string SolidTouchModel::plan() const {
   const Fingertip usual;
   const auto surface = ready(*state_).first;

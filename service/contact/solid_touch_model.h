@@ -60,10 +60,8 @@ class SolidTouchModel final : public TouchModel {
   // `before`: of the model of the same grid whose place it takes: what that solves with is used again. This
   // one is ready at once where that is, else once that is, if it is being made ready.
   SolidTouchModel(SolidBlock, MemoryAccount account, const std::shared_ptr<SolidState>& before = nullptr);
-  const char* name() const override { return "solid"; }
   Region region() const override { return state_->block.region; }
   std::vector<Layer> layers() const override;  // every row of nodes that is not held
-  TouchCost cost() const override;
   std::string plan() const override;
   // The same tissue with a factor of its own layers.
   std::shared_ptr<const TouchModel> renewed(const MemoryAccount&) const override;

@@ -149,7 +149,6 @@ struct TouchJob {
   // Of the force, relative, as it is known without it; infinite: nothing is known; 0: it is for where the
   // finger will be.
   double error = 0;
-  double cost_s = 0;  // how long it takes, about; 0: not known
   JobWait wait = JobWait::kBeside;
   // Works in small steps, none of which is begun after `until`, or has it done beside, at once, and waits
   // for that until then. True when it is done. Throws what makes an answer impossible. Not beyond the layer.
@@ -195,11 +194,6 @@ class TouchedLayer {
   const std::shared_ptr<Device> device_;
 };
 
-struct TouchCost {
-  std::size_t bytes = 0;  // held for each layer that is touched
-  double operations = 0;  // in floating point, to get one ready: 0 where nothing has to be
-};
-
 // The tissue that a model is of, and what the model that takes its place may use again: a plane's, a solid's,
 // or none.
 struct MadeOf {
@@ -213,10 +207,8 @@ class TouchModel {
   // `account`: in whose name its contact laws are held.
   explicit TouchModel(MemoryAccount account = {}, MadeOf made_of = {});
   virtual ~TouchModel() = default;
-  virtual const char* name() const = 0;           // of its kind, for logs
   virtual Region region() const = 0;              // where it can be touched
   virtual std::vector<Layer> layers() const = 0;  // by depth
-  virtual TouchCost cost() const = 0;
   // Which of its ways a usual touch is answered by, and why, in a sentence; empty: it has no choice.
   virtual std::string plan() const { return ""; }
   // One of its layers, to be touched this way; null while it is being made ready, which this asks `work` for.

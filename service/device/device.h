@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -241,5 +242,17 @@ class Device {
  private:
   std::shared_ptr<Context> context_;
 };
+
+// A device that no longer takes work, for tests: while it is set every launch fails, on every device or on
+// those of one number (DeviceOptions).
+void fail_launches(bool fail, std::optional<std::size_t> number = std::nullopt);
+
+// What the OpenCL runtime needs from the process before the first call into it.
+// PoCL aborts without /proc and /sys and fails or crashes without a writable kernel cache folder: throws
+// DeviceError naming what is missing and the remedy. Does nothing where PoCL is not installed.
+void check_runtime_environment();
+
+// That there is no device, with the remedy: a driver, or a variable that keeps one away.
+std::string no_device();
 
 }  // namespace teletact::service

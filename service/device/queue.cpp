@@ -5,8 +5,8 @@
 #include <chrono>
 #include <utility>
 
-#include "service/device/fault.h"
 #include "service/device/cancellation.h"
+#include "service/device/device.h"
 
 namespace teletact::service {
 namespace {
@@ -26,7 +26,7 @@ constexpr std::size_t kItemsToTry = 4096;
 constexpr std::size_t kWidestSlice = 65535;
 constexpr double kMaxGrowth = 4;       // of one slice to the next
 constexpr std::size_t kMaxSizes = 64;  // that are remembered for a kernel
-constexpr int kMeasured = 3;            // launches of a size, after which it is known
+constexpr int kMeasured = 3;           // launches of a size, after which it is known
 
 std::atomic<std::uint64_t> failing{0};  // a bit for each device, by its number
 

@@ -12,7 +12,6 @@
 
 #include "service/base/choices.h"
 #include "service/device/cancellation.h"
-#include "service/device/worked.h"
 #include "service/imaging/tracking/input_checks.h"
 
 namespace teletact::service {
@@ -105,6 +104,7 @@ void Elastography::charge_to(const MemoryAccount& account) {
 void Elastography::warm() {
   // A small and a full-sized frame, looked after: so the kernels are compiled as estimates launch them, in
   // slices.
+  const CancellationCheck looked_after([] {});
   for (const auto& [samples, lines] : {std::pair<std::size_t, std::size_t>{256, 16}, {2078, 256}}) {
     AcquisitionGeometry geometry;
     geometry.center_frequency_hz = 7.3e6;
@@ -113,7 +113,7 @@ void Elastography::warm() {
     const double width_m = static_cast<double>(lines) * geometry.line_pitch_m;
     const RfFrame pre = texture(samples, lines, 0), post = texture(samples, lines, 0.01);
     try {
-      estimate(pre, post, {geometry, std::nullopt, {width_m, 0.040, 0, 0.49}}, {{}, [] { return false; }});
+      estimate(pre, post, {geometry, std::nullopt, {width_m, 0.040, 0, 0.49}});
     } catch (const TrackingError&) {  // the texture need not be tissue: every kernel before has run
     }
   }
@@ -191,12 +191,7 @@ ModulusEstimate Elastography::find_modulus(ModulusInput input, const ModulusChoi
 }
 
 Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const EstimateInput& in,
-                                const EstimateObserver& observer) {
-  std::optional<CancellationCheck> check;
-  if (observer.cancelled)
-    check.emplace([&observer] {
-      if (observer.cancelled()) throw EstimateCancelled();
-    });
+                                const std::function<void(Stage)>& told) {
   validate(pre, post, in.geometry);
   DisplacementEstimator::require_fits(pre, in.geometry, search_);
   const HostBytes bytes = host_bytes(pre, in);
@@ -206,7 +201,7 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
   StageClock clock;
   const auto ended = [&](Stage stage, double& seconds) {
     seconds = clock.lap();
-    if (observer.progress) observer.progress(stage);
+    if (told) told(stage);
     check_cancelled();
   };
 

@@ -20,7 +20,6 @@
 #include "service/imaging/tracking/displacement.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/measured.h"
-#include "service/imaging/tracking/strain.h"
 
 namespace teletact::service {
 
@@ -38,11 +37,6 @@ struct ModulusChoice {
 
 enum class Stage { kDisplacement, kStrain, kModulus };
 
-// Thrown where EstimateObserver::cancelled says so.
-struct EstimateCancelled : std::runtime_error {
-  EstimateCancelled() : std::runtime_error("the estimate was cancelled") {}
-};
-
 // Everything that is stated of a pair of frames.
 struct EstimateInput {
   AcquisitionGeometry geometry;
@@ -52,11 +46,6 @@ struct EstimateInput {
   ModulusChoice modulus = {};
   std::vector<SliceBeside> beside = {};  // ModulusInput::beside
   bool b_mode = false;                   // Estimate::b_mode is wanted
-};
-
-struct EstimateObserver {
-  std::function<void(Stage)> progress = {};  // called when a stage has ended
-  std::function<bool()> cancelled = {};      // asked at every look (service/device/cancellation.h)
 };
 
 // The measured pair and its modulus, filled stage by stage. A number of a node with valid = 0 is
@@ -86,9 +75,9 @@ class Elastography {
   // Compiles every kernel in every size that an estimate uses (a first launch costs tens of milliseconds).
   void warm();
 
-  // Throws std::invalid_argument (field and remedy named), TrackingError, EstimateCancelled.
+  // `ended` is told each stage. Throws std::invalid_argument (field and remedy named), TrackingError.
   Estimate estimate(const RfFrame& pre, const RfFrame& post, const EstimateInput&,
-                    const EstimateObserver& = {});
+                    const std::function<void(Stage)>& ended = {});
 
  private:
   DisplacementEstimate track(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);

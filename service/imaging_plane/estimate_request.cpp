@@ -7,7 +7,6 @@
 #include <stdexcept>
 
 #include "service/base/choices.h"
-#include "service/base/require_between.h"
 
 namespace teletact::service {
 

@@ -7,7 +7,6 @@
 
 #include "service/base/seconds.h"
 #include "service/device/cancellation.h"
-#include "service/device/worked.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -183,7 +182,7 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
     engine->charge_to({memory_, terms.client});
     engine->set_max_strain(r.max_strain);
     in.modulus.budget = [&, begun_s = worked_s()] { return modulus_budget(r, terms, begun_s); };
-    outcome.estimate = engine->estimate(frames.first, frames.second, in, {ended});
+    outcome.estimate = engine->estimate(frames.first, frames.second, in, ended);
   }
   const Estimate& e = outcome.estimate;
   EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus.start_s,

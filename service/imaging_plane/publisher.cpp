@@ -2,8 +2,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include "service/device/cancellation.h"
-#include "service/device/worked.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -47,12 +45,7 @@ Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::stri
 
 Published Publisher::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
                              const std::string& client) {
-  const Published published = change(scene, client, [&] {
-    return scene->publish(estimate, [] {
-      check_cancelled();
-      return false;
-    });
-  });
+  const Published published = change(scene, client, [&] { return scene->publish(estimate); });
   spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
                scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
   return published;

@@ -148,7 +148,9 @@ std::string metrics_text(Core& core) {
   return out.text();
 }
 
-Admin::Admin(const std::string& address, Core& core)
-    : listener_("--admin", address, [&core](const std::string& path) { return answer(core, path); }) {}
+std::unique_ptr<HttpListener> listen_for_admin(const std::string& address, Core& core) {
+  return std::make_unique<HttpListener>("--admin", address,
+                                        [&core](const std::string& path) { return answer(core, path); });
+}
 
 }  // namespace teletact::service

@@ -1,6 +1,7 @@
 // What an operator of machines sees of the service, over HTTP: /metrics, /livez, /readyz, /version.
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include "service/operation/http_listener.h"
@@ -11,14 +12,7 @@ namespace teletact::service {
 // Everything that is counted, in Prometheus's text format.
 std::string metrics_text(Core&);
 
-class Admin {
- public:
-  // As HttpListener. `core` must outlive it.
-  Admin(const std::string& address, Core& core);
-  const std::string& address() const { return listener_.address(); }
-
- private:
-  HttpListener listener_;
-};
+// Answers there. As HttpListener; `core` must outlive it.
+std::unique_ptr<HttpListener> listen_for_admin(const std::string& address, Core& core);
 
 }  // namespace teletact::service

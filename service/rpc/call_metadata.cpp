@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <iterator>
 #include <stdexcept>
 
 #include "service/scene/errors.h"
@@ -35,6 +36,22 @@ void require_named(const grpc::ServerContextBase& context, const std::string& sc
           "have brought the call to another node than the scene's: give the same in both, or no metadata",
           shown(scene_id), shown(name)));
   }
+}
+
+std::optional<std::string_view> traceparent_in(const grpc::ServerContextBase& context) {
+  const auto [begin, end] = context.client_metadata().equal_range("traceparent");
+  if (begin == end || std::next(begin) != end) return std::nullopt;
+  return std::string_view(begin->second.data(), begin->second.size());
+}
+
+void require_short_headers(const grpc::ServerContextBase& context) {
+  constexpr std::size_t kBeside = 32;  // as HTTP/2 counts them
+  std::size_t bytes = 0;
+  for (const auto& [name, value] : context.client_metadata()) bytes += name.size() + value.size() + kBeside;
+  if (bytes > kMaxHeaderBytes)
+    throw Error(ErrorKind::kExhausted,
+                fmt::format("metadata: {} bytes are more than the {} that this service takes", bytes,
+                            kMaxHeaderBytes));
 }
 
 }  // namespace teletact::service

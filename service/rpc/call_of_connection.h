@@ -1,6 +1,9 @@
-// One call as its connection counts it.
+// Calls as their connections count them, from their headers on, before gRPC tells anybody of them: those that
+// wait for a message, or are reset before it has come, are seen nowhere else.
 #pragma once
 
+#include <grpcpp/security/auth_context.h>
+#include <grpcpp/security/server_credentials.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_interceptor.h>
 
@@ -11,7 +14,16 @@
 
 namespace teletact::service {
 
-// Where the connection is none of those that are counted, a Unix socket's, nothing happens.
+// Of the connection that a call is of.
+Connections::Identity identity_of(const grpc::AuthContext&);
+
+// The credentials of connections that nobody encrypts. gRPC's own tell of no headers.
+std::shared_ptr<grpc::ServerCredentials> clear_credentials();
+
+// Each call of these credentials is told to `connections`, which live longer.
+void count_headers(grpc::ServerCredentials&, Connections& connections);
+
+// One call of a connection. Where that is none of those that are counted, a Unix socket's, nothing happens.
 class CallOfConnection {
  public:
   // `counts`: it is open while this lives. Calls that begin with a message are counted by CountCalls: one
@@ -55,11 +67,5 @@ class CountCalls final : public grpc::experimental::ServerInterceptorFactoryInte
  private:
   Connections& connections_;
 };
-
-// Of the headers of a call together.
-inline constexpr std::size_t kMaxHeaderBytes = 8 << 10;
-// Throws Error(kExhausted) for more: gRPC announces it, and lets peers that have not confirmed so send what
-// they like.
-void require_short_headers(const grpc::ServerContextBase&);
 
 }  // namespace teletact::service

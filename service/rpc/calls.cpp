@@ -13,24 +13,12 @@ namespace teletact::service {
 
 namespace {
 
-const char* words_of(CallKind kind) {
-  switch (kind) {
-    case CallKind::kTouch:
-      return "touch streams";
-    case CallKind::kWatch:
-      return "watchers of fingers";
-    case CallKind::kObserve:
-      return "observers of scenes";
-    case CallKind::kEstimate:
-      return "estimates";
-    case CallKind::kUnary:
-    case CallKind::kInfo:
-      return "short calls";
-    case CallKind::kFullScene:
-      return "whole scenes that are sent";
-  }
-  return "calls";
-}
+// By CallKind.
+constexpr std::array kCallNames{"touch streams", "watchers of fingers",        "observers of scenes", "estimates",
+                            "short calls",   "whole scenes that are sent", "short calls"};
+constexpr std::array kMaxCalls{&Limits::max_touch_streams, &Limits::max_watchers,    &Limits::max_observers,
+                          &Limits::max_estimates,     &Limits::max_unary_calls, &Limits::max_full_scenes,
+                          &Limits::max_unary_calls};
 
 }  // namespace
 
@@ -75,22 +63,7 @@ std::string Calls::again(CallKind kind, std::size_t places) const {
 Calls::Calls(const Limits& limits) : limits_(limits), looking_([this] { look_after_calls(); }) {}
 
 std::size_t Calls::most(CallKind kind) const {
-  switch (kind) {
-    case CallKind::kTouch:
-      return limits_.max_touch_streams;
-    case CallKind::kWatch:
-      return limits_.max_watchers;
-    case CallKind::kObserve:
-      return limits_.max_observers;
-    case CallKind::kEstimate:
-      return limits_.max_estimates;
-    case CallKind::kUnary:
-    case CallKind::kInfo:
-      return limits_.max_unary_calls;
-    case CallKind::kFullScene:
-      return limits_.max_full_scenes;
-  }
-  return 0;
+  return limits_.*kMaxCalls.at(static_cast<std::size_t>(kind));
 }
 
 Calls::~Calls() {
@@ -153,7 +126,8 @@ std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served>
   if (same >= most(kind)) {
     ++refused(kind, Refusal::kFull);
     throw Error(ErrorKind::kExhausted,
-                fmt::format("all {} places for {} are taken; {}", same, words_of(kind), again(kind, same)));
+                fmt::format("all {} places for {} are taken; {}", same,
+                            kCallNames[static_cast<std::size_t>(kind)], again(kind, same)));
   }
   if (own > 0 && own >= most(kind) - same) {
     ++refused(kind, Refusal::kClientShare);
@@ -161,7 +135,7 @@ std::unique_ptr<Calls::Ticket> Calls::enter(CallKind kind, std::weak_ptr<Served>
         ErrorKind::kExhausted,
         fmt::format("{} of {} {} are this client's, as many as are left for others; try again when one of "
                     "them has ended",
-                    own, same, words_of(kind)));
+                    own, same, kCallNames[static_cast<std::size_t>(kind)]));
   }
   std::unique_ptr<Ticket> ticket(new Ticket(this, next_id_));
   places_.emplace(next_id_++, Place{kind, std::move(call), client, Clock::now()});

@@ -5,6 +5,8 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <filesystem>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -15,6 +17,7 @@
 #include "service/base/seconds.h"
 #include "service/device/current_device.h"
 #include "service/imaging_plane/imaging_plane.h"
+#include "service/rpc/address.h"
 #include "service/rpc/calls.h"
 #include "service/rpc/connections.h"
 #include "service/rpc/metrics.h"
@@ -35,6 +38,20 @@ struct SlowTimes {
   std::chrono::milliseconds call{1000}, answer{50}, pace{1000};
 };
 
+struct ServerOptions {
+  ListenOptions listen;
+  std::filesystem::path state_directory;  // empty: scenes end with the process
+  bool standby = false;                   // make_ready() waits while another process has that folder
+  // The device of this number, after it failed.
+  std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
+  Limits limits;
+  ConnectionLimits connections;
+  std::shared_ptr<const TouchModels> models = tissue_models();  // what scenes are touched on
+  SlowTimes slow;
+  Access::Now now = WallClock::now;  // by which access expires
+  std::chrono::milliseconds access_look = FileWatch::kLook;
+};
+
 struct Core {
   std::deque<CurrentDevice> devices;
   CurrentDevice& device = devices.front();  // that touch uses
@@ -52,24 +69,23 @@ struct Core {
   ImagingPlane imaging;  // last but one: its threads use the rest
   TouchWorkers touch;    // last: the same
 
-  // `reopen`, `tell`: as ImagingPlane's.
+  // `tell`: as ImagingPlane's.
   Core(const std::vector<std::shared_ptr<Device>>& devices_, std::uint64_t instance_,
-       const std::filesystem::path& state_directory, const Limits& asked_for,
-       std::shared_ptr<const TouchModels> models_, std::function<std::shared_ptr<Device>(std::size_t)> reopen,
-       std::function<void(bool works)> tell, std::shared_ptr<const Access> access_ = nullptr,
-       bool standby = false, SlowTimes slow = {}, const ConnectionLimits& connections_ = {})
+       const ServerOptions& options, std::function<void(bool works)> tell)
       : devices(devices_.begin(), devices_.end()),
-        limits(resolved(asked_for, host_memory_bytes(), min_memory_bytes(devices_))),
+        limits(resolved(options.limits, host_memory_bytes(), min_memory_bytes(devices_))),
         instance(instance_),
         memory(std::make_shared<MemoryBudget>(limits, devices.size())),
-        models(std::move(models_)),
-        access(std::move(access_)),
-        slow_calls("slow_call", slow.call, slow.pace),
-        slow_answers("slow_answer", slow.answer, slow.pace),
-        connections(connections_),
+        models(options.models),
+        access(options.listen.access.empty()
+                   ? nullptr
+                   : std::make_shared<const Access>(options.listen.access, options.now, options.access_look)),
+        slow_calls("slow_call", options.slow.call, options.slow.pace),
+        slow_answers("slow_answer", options.slow.answer, options.slow.pace),
+        connections(options.connections),
         calls(limits),
-        scenes(state_directory, limits, machine_files(), memory, models, standby),
-        imaging(devices, scenes, memory, models, std::move(reopen), std::move(tell)),
+        scenes(options.state_directory, limits, machine_files(), memory, models, options.standby),
+        imaging(devices, scenes, memory, models, options.reopen, std::move(tell)),
         touch(limits) {}
 
   // In whose name memory is held.

@@ -18,7 +18,7 @@ SecondsHistogram estimate_stage() {
 }
 
 // By TouchStatus.
-constexpr std::array<const char*, 5> kStatuses{"ok", "not_covered", "degraded", "failed", "preparing"};
+constexpr std::array<const char*, 5> kStatusNames{"ok", "not_covered", "degraded", "failed", "preparing"};
 constexpr std::array<const char*, 7> kEstimateStages{"queued",  "waited",  "displacement",         "strain",
                                                      "modulus", "publish", "received_to_published"};
 
@@ -35,8 +35,8 @@ auto answers(prometheus::Registry& registry) {
                      .Name("teletact_touch_answers_total")
                      .Help("Answers to poses, by status")
                      .Register(registry);
-  std::array<prometheus::Counter*, kStatuses.size()> out{};
-  for (std::size_t k = 0; k < out.size(); ++k) out[k] = &family.Add({{"status", kStatuses[k]}});
+  std::array<prometheus::Counter*, kStatusNames.size()> out{};
+  for (std::size_t k = 0; k < out.size(); ++k) out[k] = &family.Add({{"status", kStatusNames[k]}});
   return out;
 }
 

@@ -10,7 +10,6 @@
 #include <string>
 
 #include "service/rpc/core.h"
-#include "service/rpc/observed_maps.h"
 #include "service/scene/workers.h"
 #include "teletact/v1/palpation.pb.h"
 

@@ -19,12 +19,11 @@
 
 #include "service/base/current_trace.h"
 #include "service/base/paced_log.h"
-#include "service/rpc/allowance.h"
-#include "service/rpc/call_headers.h"
 #include "service/rpc/call_life.h"
 #include "service/rpc/call_of_connection.h"
 #include "service/rpc/caller.h"
 #include "service/rpc/calls.h"
+#include "service/rpc/connections.h"
 #include "service/rpc/core.h"
 #include "service/rpc/status.h"
 #include "service/scene/errors.h"

@@ -11,11 +11,10 @@
 #include <random>
 #include <stdexcept>
 
-#include "service/rpc/call_headers.h"
-#include "service/rpc/estimate_reactor.h"
-#include "service/rpc/info_service.h"
+#include "service/rpc/call_metadata.h"
+#include "service/rpc/call_of_connection.h"
 #include "service/rpc/open_service.h"
-#include "service/rpc/palpation_service.h"
+#include "service/rpc/services.h"
 #include "service/rpc/tls.h"
 
 namespace teletact::service {
@@ -78,16 +77,10 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   address_ = listening.address;
   held_ = listening.held;
   credentials_ = credentials_of(options.listen);
-  auto access = options.listen.access.empty()
-                    ? nullptr
-                    : std::make_shared<const Access>(options.listen.access, options.now, options.access_look);
-  core_ = std::make_unique<Core>(
-      devices, random_instance(), options.state_directory, options.limits, options.models, options.reopen,
-      [this](bool work) { tell_devices(work); }, std::move(access), options.standby, options.slow,
-      options.connections);
-  elastography_ = std::make_unique<ElastographyService>(*core_);
-  info_ = std::make_unique<InfoService>(*core_);
-  palpation_ = std::make_unique<PalpationService>(*core_);
+  core_ =
+      std::make_unique<Core>(devices, random_instance(), options, [this](bool work) { tell_devices(work); });
+  for (const auto make : {elastography_service, info_service, palpation_service})
+    services_.push_back(make(*core_));
   health_ = std::make_unique<HealthService>();
   unknown_ = std::make_unique<UnknownMethods>(core_->connections);
   grpc::EnableDefaultHealthCheckService(false);
@@ -99,9 +92,7 @@ Server::Server(const std::vector<std::shared_ptr<Device>>& devices, const Server
   else
     acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
         grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials_);
-  builder.RegisterService(elastography_.get());
-  builder.RegisterService(info_.get());
-  builder.RegisterService(palpation_.get());
+  for (const auto& service : services_) builder.RegisterService(service.get());
   builder.RegisterService(health_.get());
   builder.RegisterCallbackGenericService(unknown_.get());
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;

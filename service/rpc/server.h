@@ -4,38 +4,17 @@
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
 
-#include <chrono>
-#include <filesystem>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "service/rpc/address.h"
 #include "service/rpc/core.h"
 #include "service/rpc/free_memory.h"
 
 namespace teletact::service {
 
-class ElastographyService;
 class HealthService;
-class InfoService;
-class PalpationService;
 class UnknownMethods;
-
-struct ServerOptions {
-  ListenOptions listen;
-  std::filesystem::path state_directory;  // empty: scenes end with the process
-  bool standby = false;                   // make_ready() waits while another process has that folder
-  // The device of this number, after it failed.
-  std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
-  Limits limits;
-  ConnectionLimits connections;
-  std::shared_ptr<const TouchModels> models = tissue_models();  // what scenes are touched on
-  SlowTimes slow;
-  Access::Now now = WallClock::now;  // by which access expires
-  std::chrono::milliseconds access_look = FileWatch::kLook;
-};
 
 class Server {
  public:
@@ -65,9 +44,7 @@ class Server {
   std::shared_ptr<void> held_;  // the socket; first: until nobody listens
   std::shared_ptr<grpc::ServerCredentials> credentials_;
   std::unique_ptr<Core> core_;
-  std::unique_ptr<ElastographyService> elastography_;
-  std::unique_ptr<InfoService> info_;
-  std::unique_ptr<PalpationService> palpation_;
+  std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<HealthService> health_;
   std::unique_ptr<UnknownMethods> unknown_;
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;

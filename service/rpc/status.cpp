@@ -18,25 +18,16 @@ namespace teletact::service {
 namespace {
 
 grpc::StatusCode code_of(ErrorKind kind) {
-  switch (kind) {
-    case ErrorKind::kNotFound:
-      return grpc::StatusCode::NOT_FOUND;
-    case ErrorKind::kAlreadyExists:
-      return grpc::StatusCode::ALREADY_EXISTS;
-    case ErrorKind::kExhausted:
-      return grpc::StatusCode::RESOURCE_EXHAUSTED;
-    case ErrorKind::kPrecondition:
-      return grpc::StatusCode::FAILED_PRECONDITION;
-    case ErrorKind::kAborted:
-      return grpc::StatusCode::ABORTED;
-    case ErrorKind::kUnavailable:
-      return grpc::StatusCode::UNAVAILABLE;
-    case ErrorKind::kCancelled:
-      return grpc::StatusCode::CANCELLED;
-    case ErrorKind::kDeadline:
-      return grpc::StatusCode::DEADLINE_EXCEEDED;
-  }
-  return grpc::StatusCode::INTERNAL;
+  // By ErrorKind.
+  constexpr std::array kCodes{grpc::StatusCode::NOT_FOUND,
+                              grpc::StatusCode::ALREADY_EXISTS,
+                              grpc::StatusCode::RESOURCE_EXHAUSTED,
+                              grpc::StatusCode::FAILED_PRECONDITION,
+                              grpc::StatusCode::ABORTED,
+                              grpc::StatusCode::UNAVAILABLE,
+                              grpc::StatusCode::CANCELLED,
+                              grpc::StatusCode::DEADLINE_EXCEEDED};
+  return kCodes.at(static_cast<std::size_t>(kind));
 }
 
 }  // namespace

@@ -15,7 +15,7 @@
 
 #include "common/small_file.h"
 #include "service/access/certificates.h"
-#include "service/rpc/call_headers.h"
+#include "service/rpc/call_of_connection.h"
 
 namespace teletact::service {
 namespace {

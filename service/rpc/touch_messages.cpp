@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 
@@ -13,6 +14,20 @@ namespace teletact::service {
 
 namespace {
 
+constexpr std::array kShapes{v1::FINGERTIP_SHAPE_NODE, v1::FINGERTIP_SHAPE_FLAT_PUNCH,
+                             v1::FINGERTIP_SHAPE_ROUNDED_TIP, v1::FINGERTIP_SHAPE_PAD,
+                             v1::FINGERTIP_SHAPE_SPHERE};  // by FingertipShape
+constexpr std::array kPaths{v1::SOLVE_PATH_UNSPECIFIED, v1::SOLVE_PATH_COMPLIANCE, v1::SOLVE_PATH_GRADIENTS,
+                            v1::SOLVE_PATH_SHARES};  // by SolvePath
+constexpr std::array kStatuses{v1::TOUCH_STATUS_OK, v1::TOUCH_STATUS_NOT_COVERED, v1::TOUCH_STATUS_DEGRADED,
+                               v1::TOUCH_STATUS_FAILED, v1::TOUCH_STATUS_PREPARING};  // by TouchStatus
+constexpr std::array kTerms{v1::ForceError::TERM_SOLVER,        v1::ForceError::TERM_MESH,
+                            v1::ForceError::TERM_FINITE_STRAIN, v1::ForceError::TERM_MODULUS,
+                            v1::ForceError::TERM_MODEL,         v1::ForceError::TERM_DIMENSION,
+                            v1::ForceError::TERM_CONTEXT};  // by ErrorTerm
+constexpr std::array kKinds{v1::ForceError::KIND_BOUND, v1::ForceError::KIND_ESTIMATE,
+                            v1::ForceError::KIND_DEVIATION};  // by TermKind
+
 // 0: `usual`.
 double within(const char* field, double wished, double least, double most, double usual, const char* unit) {
   if (wished == 0) return usual;
@@ -22,7 +37,6 @@ double within(const char* field, double wished, double least, double most, doubl
 }
 
 void pad_from(const v1::Fingertip& in, Fingertip& tip) {
-  tip.shape = FingertipShape::kPad;
   tip.radius_m = 0.001;
   tip.half_width_m = 0.008;
   tip.pad_m_pa =
@@ -45,27 +59,11 @@ TouchStreamOptions stream_options_from(const v1::TouchOpen& in) {
   if (in.has_tactile()) options.tactile = taxels_from(in.tactile());
   TouchOptions& touch = options.touch;
   Fingertip& tip = touch.fingertip;
-  switch (in.fingertip().shape()) {
-    case v1::FINGERTIP_SHAPE_UNSPECIFIED:
-    case v1::FINGERTIP_SHAPE_ROUNDED_TIP:
-      tip.shape = FingertipShape::kRoundedTip;
-      break;
-    case v1::FINGERTIP_SHAPE_NODE:
-      tip.shape = FingertipShape::kNode;
-      break;
-    case v1::FINGERTIP_SHAPE_FLAT_PUNCH:
-      tip.shape = FingertipShape::kFlatPunch;
-      break;
-    case v1::FINGERTIP_SHAPE_SPHERE:
-      tip.shape = FingertipShape::kSphere;
-      break;
-    case v1::FINGERTIP_SHAPE_PAD:
-      pad_from(in.fingertip(), tip);
-      break;
-    default:
-      throw std::invalid_argument(
-          "open.fingertip.shape: unknown; use NODE, FLAT_PUNCH, ROUNDED_TIP, PAD or SPHERE");
-  }
+  if (in.fingertip().shape() != v1::FINGERTIP_SHAPE_UNSPECIFIED)
+    tip.shape = value_from<FingertipShape>(
+        kShapes, in.fingertip().shape(),
+        "open.fingertip.shape: unknown; use NODE, FLAT_PUNCH, ROUNDED_TIP, PAD or SPHERE");
+  if (tip.shape == FingertipShape::kPad) pad_from(in.fingertip(), tip);
   tip.friction = in.fingertip().stuck() ? Friction::kStuck : Friction::kFrictionless;
   if (in.fingertip().radius_m() != 0) tip.radius_m = in.fingertip().radius_m();
   if (in.fingertip().half_width_m() != 0) tip.half_width_m = in.fingertip().half_width_m();
@@ -82,23 +80,9 @@ TouchStreamOptions stream_options_from(const v1::TouchOpen& in) {
     touch.tolerance = Tolerance{tolerance("relative", in.tolerance().relative(), 1),
                                 tolerance("force_n", in.tolerance().force_n(), 100)};
   }
-  switch (in.path()) {
-    case v1::SOLVE_PATH_UNSPECIFIED:
-      touch.path = SolvePath::kAuto;
-      break;
-    case v1::SOLVE_PATH_COMPLIANCE:
-      touch.path = SolvePath::kCompliance;
-      break;
-    case v1::SOLVE_PATH_GRADIENTS:
-      touch.path = SolvePath::kGradients;
-      break;
-    case v1::SOLVE_PATH_SHARES:
-      touch.path = SolvePath::kShares;
-      break;
-    default:
-      throw std::invalid_argument(
-          "open.path: unknown, or no longer there; leave it out, or use COMPLIANCE, GRADIENTS or SHARES");
-  }
+  touch.path = value_from<SolvePath>(
+      kPaths, in.path(),
+      "open.path: unknown, or no longer there; leave it out, or use COMPLIANCE, GRADIENTS or SHARES");
   return options;
 }
 
@@ -119,36 +103,6 @@ FingerPose pose_from(const v1::ContactPose& in) {
 
 namespace {
 
-v1::TouchStatus status_to(TouchStatus status) {
-  switch (status) {
-    case TouchStatus::kOk:
-      return v1::TOUCH_STATUS_OK;
-    case TouchStatus::kNotCovered:
-      return v1::TOUCH_STATUS_NOT_COVERED;
-    case TouchStatus::kDegraded:
-      return v1::TOUCH_STATUS_DEGRADED;
-    case TouchStatus::kFailed:
-      return v1::TOUCH_STATUS_FAILED;
-    case TouchStatus::kPreparing:
-      return v1::TOUCH_STATUS_PREPARING;
-  }
-  return v1::TOUCH_STATUS_UNSPECIFIED;
-}
-
-v1::SolvePath path_to(SolvePath path) {
-  switch (path) {
-    case SolvePath::kAuto:
-      return v1::SOLVE_PATH_UNSPECIFIED;
-    case SolvePath::kCompliance:
-      return v1::SOLVE_PATH_COMPLIANCE;
-    case SolvePath::kGradients:
-      return v1::SOLVE_PATH_GRADIENTS;
-    case SolvePath::kShares:
-      return v1::SOLVE_PATH_SHARES;
-  }
-  return v1::SOLVE_PATH_UNSPECIFIED;
-}
-
 template <class Message>
 void force_and_tangent_to(const ContactAnswer& c, Message* out) {
   for (const double force_n : c.force_n) out->add_force_n(force_n);
@@ -158,40 +112,8 @@ void force_and_tangent_to(const ContactAnswer& c, Message* out) {
 void budget_to(const ForceBudget& in, v1::ForceBudget* out) {
   for (const ForceError& error : in.terms()) {
     v1::ForceError* term = out->add_terms();
-    switch (error.term) {
-      case ErrorTerm::kSolver:
-        term->set_term(v1::ForceError::TERM_SOLVER);
-        break;
-      case ErrorTerm::kMesh:
-        term->set_term(v1::ForceError::TERM_MESH);
-        break;
-      case ErrorTerm::kFiniteStrain:
-        term->set_term(v1::ForceError::TERM_FINITE_STRAIN);
-        break;
-      case ErrorTerm::kModulus:
-        term->set_term(v1::ForceError::TERM_MODULUS);
-        break;
-      case ErrorTerm::kModel:
-        term->set_term(v1::ForceError::TERM_MODEL);
-        break;
-      case ErrorTerm::kDimension:
-        term->set_term(v1::ForceError::TERM_DIMENSION);
-        break;
-      case ErrorTerm::kContext:
-        term->set_term(v1::ForceError::TERM_CONTEXT);
-        break;
-    }
-    switch (error.kind) {
-      case TermKind::kBound:
-        term->set_kind(v1::ForceError::KIND_BOUND);
-        break;
-      case TermKind::kEstimate:
-        term->set_kind(v1::ForceError::KIND_ESTIMATE);
-        break;
-      case TermKind::kDeviation:
-        term->set_kind(v1::ForceError::KIND_DEVIATION);
-        break;
-    }
+    term->set_term(message_of(kTerms, error.term));
+    term->set_kind(message_of(kKinds, error.kind));
     term->set_relative(error.relative);
   }
   out->set_half_width(in.half_width());
@@ -233,7 +155,7 @@ void answer_to(const TouchStream::Answered& answered, std::uint64_t instance, v1
   if (in.taken_in != std::chrono::steady_clock::time_point())
     stamp_to(monotonic_ns(in.taken_in), instance, out->mutable_model_stamp());
   const ContactAnswer& c = in.contact;
-  out->set_status(status_to(in.status));
+  out->set_status(message_of(kStatuses, in.status));
   force_and_tangent_to(c, out);
   if (in.foreseen) {
     for (const double at_m : in.foreseen->position_m) out->mutable_foreseen()->add_position_m(at_m);
@@ -248,7 +170,7 @@ void answer_to(const TouchStream::Answered& answered, std::uint64_t instance, v1
   }
   out->set_window_id(in.window_id);
   out->set_model_version(in.model_version);
-  out->set_path(path_to(in.path));
+  out->set_path(message_of(kPaths, in.path));
   if (c.state == ContactState::kContact) {
     v1::SolveReport* solve = out->mutable_solve();
     solve->set_iterations(static_cast<std::uint32_t>(c.solve.iterations));

@@ -4,8 +4,6 @@
 
 #include <stdexcept>
 
-#include "service/base/require_between.h"
-
 namespace teletact::service {
 
 void validate(const SceneGeometry& g, const Limits& limits) {

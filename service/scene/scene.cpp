@@ -1,13 +1,13 @@
 #include "service/scene/scene.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <stdexcept>
 
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -183,11 +183,7 @@ std::shared_ptr<const TouchModel> Scene::build(const StitchedMap& map, const Reg
     const std::lock_guard lock(users_);
     std::unique_copy(layers_in_use_.begin(), layers_in_use_.end(), std::back_inserter(wanted.in_use));
   }
-  auto model = models_->of_window(wanted);
-  const TouchCost cost = model->cost();
-  spdlog::debug("event=model_made scene={} model={} layer_bytes={} layer_operations={:.3g}", id_,
-                model->name(), cost.bytes, cost.operations);
-  return model;
+  return models_->of_window(wanted);
 }
 
 namespace {
@@ -215,12 +211,12 @@ bool covers(std::vector<Region> ranges, const Region& wanted) {
 
 }  // namespace
 
-Published Scene::publish(const WindowEstimate& estimate, const std::function<bool()>& cancelled) {
+Published Scene::publish(const WindowEstimate& estimate) {
   const double end_of_estimate_m = estimate.window_x_m + estimate.width_m;
   check_window(estimate.window_x_m, end_of_estimate_m);
   const auto check = [&] {
     require_exists();
-    if (cancelled && cancelled()) throw Error(ErrorKind::kCancelled, "the caller cancelled");
+    check_cancelled();
   };
   const std::lock_guard lock(publishing_);
   const auto old = snapshot();

@@ -21,9 +21,9 @@
 #include "service/scene/observers.h"
 #include "service/scene/scene_record.h"
 #include "service/scene/slices.h"
+#include "service/scene/state_store.h"
 #include "service/scene/stitched_map.h"
 #include "service/scene/touch_models.h"
-#include "service/scene/versions.h"
 
 namespace teletact::service {
 
@@ -93,9 +93,9 @@ class Scene {
 
   // Throws std::invalid_argument or Error(kPrecondition) when [begin, end) cannot be published.
   void check_window(double begin_m, double end_m) const;
-  // Stitches the estimate in, builds its window's model and swaps both in. `cancelled` is asked between the
-  // steps. Windows whose context changed are left for refresh_stale_window(). Nothing changes when it throws.
-  Published publish(const WindowEstimate&, const std::function<bool()>& cancelled);
+  // Stitches the estimate in, builds its window's model and swaps both in. Windows whose context changed are
+  // left for refresh_stale_window(). Nothing changes when it throws.
+  Published publish(const WindowEstimate&);
   // What slices are given of. Throws Error(kPrecondition) where the scene is no solid.
   std::shared_ptr<const ExplicitModulus> solid() const;
   // One more slice of a solid, or this one in the place of the one there. Throws std::invalid_argument (field

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "service/scene/modulus_checks.h"
+#include "service/scene/slices.h"
 
 namespace teletact::service {
 

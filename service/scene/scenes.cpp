@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 #include "service/scene/errors.h"
-#include "service/scene/modulus_checks.h"
+#include "service/scene/slices.h"
 
 namespace teletact::service {
 

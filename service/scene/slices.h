@@ -9,6 +9,7 @@
 
 #include "service/base/limits.h"
 #include "service/imaging/modulus/tissue_extent.h"
+#include "service/scene/geometry.h"
 #include "service/scene/scene_record.h"
 
 namespace teletact::service {
@@ -72,5 +73,12 @@ struct SliceWish {
 // are what is not known well.
 std::optional<SliceWish> wished_slice(const ExplicitModulus&, double x_m, double depth_m, double z_m,
                                       const std::optional<double>& tolerance);
+
+// Of the scene's size: so far nodes may begin and end beside it, by rounding.
+constexpr double kNodesSlack = 1e-6;
+
+// Whether a scene can be made of a modulus: one that a client gives, or one that was kept on disk. Throws
+// std::invalid_argument (field named as in CreateScene), Error(kExhausted) beyond the limits.
+void check_modulus(const ExplicitModulus&, const SceneGeometry&, const Limits&);
 
 }  // namespace teletact::service

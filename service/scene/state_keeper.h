@@ -14,7 +14,6 @@
 
 #include "service/scene/scene.h"
 #include "service/scene/state_store.h"
-#include "service/scene/versions.h"
 #include "service/scene/workers.h"
 
 namespace teletact::service {

@@ -51,7 +51,7 @@ class TouchModels {
   virtual void warm(const std::shared_ptr<Device>&) const {}
 };
 
-// Plane strain around a window (window_tissue.h), and given grids as they are: planes, or solids.
+// Plane strain around a window (tissue_models.h), and given grids as they are: planes, or solids.
 std::shared_ptr<const TouchModels> tissue_models();
 
 }  // namespace teletact::service

@@ -5,9 +5,79 @@
 #include <cstddef>
 #include <vector>
 
-#include "service/solver/node_lines.h"
-
 namespace teletact::service {
+
+// Lines of nodes in one direction and their coarsening: every second line plus the last, so that any number
+// of lines at any spacing works.
+// Strictly increasing coordinates of the node lines, >= 2 each.
+struct NodeLines {
+  std::vector<double> x, y;
+  std::size_t nodes() const { return x.size() * y.size(); }
+};
+
+// Linear interpolation between the lines of a fine and a coarse level.
+struct LineTransfer {
+  std::vector<double> coarse;  // coordinates of the coarse lines
+  std::vector<int> at;         // fine line of each coarse line
+  std::vector<double> around;  // for each coarse line: weights of the fine lines just before and after it
+  std::vector<int> left;       // coarse line at or before each fine line
+  std::vector<double> weight;  // of coarse line left + 1 in each fine line
+};
+
+// Drops every second line as long as the interval left by it does not exceed `widest`: where lines already
+// lie far apart, all are kept.
+LineTransfer coarsen(const std::vector<double>& fine, double widest);
+
+// The next coarser level in both directions. `spacing` is the fine level's nominal distance of lines, doubled
+// until something coarsens; intervals grow to at most kWidestInterval times it. So stretched elements are
+// coarsened across their short side first, until they are square: point smoothers fail on stretched ones.
+struct GridTransfer {
+  LineTransfer x, y;
+};
+GridTransfer coarsen(const NodeLines& fine, double& spacing);
+constexpr double kWidestInterval = 3;
+
+// Every second line of both directions, whatever the spacing.
+GridTransfer coarsen_fully(const NodeLines& fine);
+
+// Direction of the short side of elements, when some are stretched by more than kStretched one way and none
+// is the other way.
+enum class ShortSide { kNeither, kX, kY };
+ShortSide short_side(const NodeLines&);
+constexpr double kStretched = 2;
+
+// Smallest distance between neighbouring lines of either direction.
+double smallest_spacing(const NodeLines&);
+
+// The steps of one multigrid cycle, in order, and the coefficients of those that smooth.
+// As in kernels/multigrid.cl.
+enum class CycleStep : int {
+  kResidual,        // residual = right - A correction
+  kSmooth,          // a Chebyshev step k on the residual
+  kSmoothFromZero,  // the same on the right-hand side, correction = 0 before
+  kRestrict,        // right-hand side of the next level from the residual
+  kProlong,         // correction from the next level's
+  kSolve,           // the coarsest level
+  kPack,            // right-hand side of the finest level from a vector
+  kUnpack,          // a vector from the correction
+};
+
+struct PlannedStep {
+  CycleStep step;
+  int level = 0, k = 0;
+};
+
+// Smoothing by `smoothing_steps` before, between and after the visits to the next level: one from the finest
+// level, two from every other (W), so that the coarse problem is solved about equally well on every grid.
+// Read backwards it is the same cycle, which keeps it symmetric.
+std::vector<PlannedStep> plan_cycle(std::size_t levels, std::size_t smoothing_steps);
+
+// Chebyshev iteration (Saad, Iterative Methods, algorithm 12.1) on [lowest, highest]. Step k: d = old d +
+// new D^-1 r, z += d.
+struct ChebyshevStep {
+  double old_direction = 0, new_residual = 0;
+};
+std::vector<ChebyshevStep> chebyshev_steps(double lowest, double highest, unsigned steps);
 
 // Offsets count numbers. Of the finest level `right` and `correction` are what a cycle takes and gives.
 struct LevelLayout {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
+#include <utility>
 
 #include "service/device/device.h"
 
@@ -24,5 +26,25 @@ class LinearOperator {
 inline Range grid_range(std::size_t nx, std::size_t ny, std::size_t layers) {
   return {{nx, ny, layers}, {nx > 32 ? std::size_t{64} : std::size_t{16}, 1, 1}};
 }
+
+// The operator given by a 9-point stencil of 2x2 blocks (kernels/stencil.clh).
+template <class T>
+class StencilOperator : public LinearOperator<T> {
+ public:
+  // stencil: [9][ny][nx] blocks of 4. Shared with the caller, who may rewrite it.
+  StencilOperator(const Queue& queue, std::shared_ptr<const Array<T>> stencil, std::size_t nx, std::size_t ny)
+      : stencil_(std::move(stencil)),
+        nx_(nx),
+        ny_(ny),
+        apply_(queue.kernel("stencil", "stencil_apply", precision_of<T>)) {}
+  void apply(const Array<T>& x, Array<T>& y, std::size_t count) override {
+    apply_(grid_range(nx_, ny_, count), *stencil_, x, y, static_cast<int>(nx_), static_cast<int>(ny_));
+  }
+
+ private:
+  std::shared_ptr<const Array<T>> stencil_;
+  std::size_t nx_, ny_;
+  Kernel apply_;
+};
 
 }  // namespace teletact::service

@@ -7,7 +7,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "service/solver/dense_inverse.h"
 #include "service/solver/smoother.h"
 
 namespace teletact::service {

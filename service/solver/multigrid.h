@@ -9,17 +9,15 @@
 // (Schoeberl 1999: what makes multigrid robust in nu). Restriction P^T. Coarse operators: P^T A P on the
 // device.
 // Smoother: Chebyshev polynomial in M A (smoother.h), before, between and after visits to the coarser level
-// (cycle_plan.h): it is its own transpose in the A inner product, so the cycle is symmetric. Coarsest level:
+// (plan_cycle): it is its own transpose in the A inner product, so the cycle is symmetric. Coarsest level:
 // exact, by a dense inverse computed in double on the host.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "service/solver/cycle_plan.h"
 #include "service/solver/level_layout.h"
 #include "service/solver/linear_operator.h"
-#include "service/solver/node_lines.h"
 
 namespace teletact::service {
 

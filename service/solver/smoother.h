@@ -7,6 +7,9 @@
 // (Toselli and Widlund 2005, lemma 2.6): nothing has to be estimated.
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "service/solver/linear_operator.h"
 
 namespace teletact::service {
@@ -33,5 +36,11 @@ template <class S>
 Array<S> line_factor(const Queue&, const Array<S>& stencil, std::size_t nx, std::size_t ny, bool along_x,
                      Array<int>& indefinite);
 constexpr double kLargestLineEigenvalue = 3;
+
+// The exact solver of multigrid's coarsest level.
+// Inverse of a symmetric positive definite n x n matrix, row-major, in place; its lower triangle is read. An
+// unknown whose pivot has sunk below 1e-13 of its diagonal (nothing holds it, or rounding ate it)
+// is left out: its row and column of the result are zero, the rest stays positive definite.
+void invert_symmetric(std::vector<double>& matrix, std::size_t n);
 
 }  // namespace teletact::service

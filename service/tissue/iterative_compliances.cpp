@@ -10,6 +10,7 @@
 #include "service/base/choices.h"
 
 namespace teletact::service {
+
 namespace {
 
 using Eigen::Index;

@@ -32,9 +32,6 @@ class TissueModel {
                                          const std::shared_ptr<Device>& device = nullptr) const;
   // The same where it is ready, null where it would have to be made: never waits for that.
   std::shared_ptr<Compliance> ready(std::size_t row, const std::shared_ptr<Device>& device = nullptr) const;
-  // Held for each row that is condensed onto; operations in floating point to condense one.
-  std::size_t compliance_bytes() const;
-  double condensation_operations() const;
 
  private:
   void check_free(std::size_t row) const;

@@ -32,9 +32,8 @@ class FingerMotion {
     pose.velocity_m_s = velocity_m_s_;
     const auto [vx, vy, vz] = velocity_m_s_;
     const double squares = vx * vx + vz * vz;
-    pose.turn_rad_s = squares > kMinMS * kMinMS
-                          ? (vx * acceleration_m_s2_[2] - vz * acceleration_m_s2_[0]) / squares
-                          : 0;
+    pose.turn_rad_s =
+        squares > kMinMS * kMinMS ? (vx * acceleration_m_s2_[2] - vz * acceleration_m_s2_[0]) / squares : 0;
     if (!(std::abs(pose.turn_rad_s) < kMaxTurnRadS)) pose.turn_rad_s = 0;
     // What is smoothed is late.
     const double late = pose.turn_rad_s * kSmoothedS;

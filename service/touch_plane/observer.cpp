@@ -1,10 +1,57 @@
 #include "service/touch_plane/observer.h"
 
-#include <algorithm>
+#include <fmt/format.h>
 
+#include <algorithm>
+#include <stdexcept>
+
+#include "service/base/seconds.h"
+#include "service/scene/errors.h"
 #include "service/touch_plane/touch_stream.h"
 
 namespace teletact::service {
+
+void SceneWatcher::acknowledge(std::uint64_t state) {
+  const std::lock_guard lock(mutex_);
+  if (state > count_ || state < acknowledged_)
+    throw std::invalid_argument(fmt::format(
+        "acknowledged: {}, but {} states were sent and {} acknowledged; give the number of the newest "
+        "state received",
+        state, count_, acknowledged_));
+  acknowledged_ = state;
+}
+
+std::uint64_t SceneWatcher::count() const {
+  const std::lock_guard lock(mutex_);
+  return count_;
+}
+
+bool SceneWatcher::may_tell(Clock::time_point now, bool sent) const {
+  if (acknowledged_ == count_ && sent) return true;
+  const double acknowledge_s = scene_->limits().acknowledge_s;
+  if (now - since_ > seconds(acknowledge_s))
+    throw Error(ErrorKind::kDeadline, fmt::format("acknowledged: state {} was not within {} s; acknowledge "
+                                                  "each state, or open a new stream",
+                                                  count_, acknowledge_s));
+  return false;
+}
+
+std::uint64_t SceneWatcher::tell(Clock::time_point now) {
+  since_ = now;
+  return ++count_;
+}
+
+std::optional<FingerWatch::State> FingerWatch::due(Clock::time_point now, bool sent) {
+  const std::lock_guard lock(mutex_);
+  if (!may_tell(now, sent)) return std::nullopt;
+  const auto passed = now - since_;
+  if (count_ > 0 && passed < seconds(1 / scene_->limits().max_finger_rate_hz)) return std::nullopt;
+  const Finger finger = scene_->finger().at(now);
+  // One that rests is sent all the same: watchers take silence for a dead link, and proxies for an idle one.
+  if (count_ > 0 && finger.generation == generation_ && passed < kHeartbeat) return std::nullopt;
+  generation_ = finger.generation;
+  return State{tell(now), finger, scene_->snapshot()->version};
+}
 
 namespace {
 
@@ -17,28 +64,23 @@ Observer::Clock::duration observation_period(double wished_hz, const Limits& lim
   return seconds(1 / wished_hz);
 }
 
-const std::string& checked(const std::string& session_id) {
-  if (session_id.size() > TouchStream::kMaxSessionIdBytes)
+const Observers::Options& checked(const Observers::Options& options) {
+  if (options.session_id.size() > TouchStream::kMaxSessionIdBytes)
     throw std::invalid_argument(fmt::format("open.session_id: {} bytes; a touch stream's has at most {}",
-                                            session_id.size(), TouchStream::kMaxSessionIdBytes));
-  return session_id;
+                                            options.session_id.size(), TouchStream::kMaxSessionIdBytes));
+  return options;
 }
 
 }  // namespace
 
-Observer::Observer(std::shared_ptr<Scene> scene, const Options& options)
-    : scene_(std::move(scene)),
-      period_(observation_period(options.max_rate_hz, scene_->limits())),
-      id_(scene_->observers()->join({options.answers, options.surface, checked(options.session_id)})) {}
-
-void Observer::acknowledge(std::uint64_t state) {
-  const std::lock_guard lock(mutex_);
-  sent_.acknowledge(state);
-}
+Observer::Observer(std::shared_ptr<Scene> scene, const Observers::Options& options, double max_rate_hz)
+    : SceneWatcher(std::move(scene)),
+      period_(observation_period(max_rate_hz, scene_->limits())),
+      id_(scene_->observers()->join(checked(options))) {}
 
 std::optional<Observer::State> Observer::due(Clock::time_point now, bool sent, bool more) {
   const std::lock_guard lock(mutex_);
-  if (!sent_.may_tell(now, sent, scene_->limits().acknowledge_s)) return std::nullopt;
+  if (!may_tell(now, sent)) return std::nullopt;
   if (now < due_) return std::nullopt;
   State state{0, scene_->finger().at(now), scene_->snapshot()->version, scene_->observers()->take(id_)};
   if (state.news.surface && state.news.surface->layer.x_m.empty()) {
@@ -47,18 +89,13 @@ std::optional<Observer::State> Observer::due(Clock::time_point now, bool sent, b
   const auto steers = state.finger.present ? std::optional(state.finger.session_id) : std::nullopt;
   const bool news =
       state.news.touch || state.news.surface || more || state.scene_version != version_ || steers != steers_;
-  if (sent_.count() > 0 && !news && now - sent_.since() < kHeartbeat) return std::nullopt;
+  if (count_ > 0 && !news && now - since_ < kHeartbeat) return std::nullopt;
   if (state.news.surface) at_rest_ = state.news.surface->layer.x_m.empty();
   version_ = state.scene_version, steers_ = steers;
   // Looked at late, it is sent sooner the next time.
-  due_ = (sent_.count() == 0 ? now : std::max(due_, now - period_)) + period_;
-  state.number = sent_.tell(now);
+  due_ = (count_ == 0 ? now : std::max(due_, now - period_)) + period_;
+  state.number = tell(now);
   return state;
-}
-
-std::uint64_t Observer::count() const {
-  const std::lock_guard lock(mutex_);
-  return sent_.count();
 }
 
 }  // namespace teletact::service

@@ -9,6 +9,7 @@
 #include "service/base/choices.h"
 
 namespace teletact::service {
+
 namespace {
 
 TaxelGrid checked(const TaxelGrid& grid) {

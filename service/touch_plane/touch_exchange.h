@@ -10,11 +10,28 @@
 #include <chrono>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "service/contact/touch_model.h"
-#include "service/touch_plane/mailbox.h"
 
 namespace teletact::service {
+
+// A mailbox of one slot: the newest value wins, a value that was not taken in time is gone. Not thread-safe.
+template <class T>
+class Mailbox {
+ public:
+  // Puts `value` in the slot, over an older one. Returns whether an older one was lost.
+  bool put(T value) {
+    const bool lost = slot_.has_value();
+    slot_ = std::move(value);
+    return lost;
+  }
+  std::optional<T> take() { return std::exchange(slot_, std::nullopt); }
+  const std::optional<T>& newest() const { return slot_; }
+
+ private:
+  std::optional<T> slot_;
+};
 
 struct FingerPose {
   std::uint64_t sequence = 0;      // counts up

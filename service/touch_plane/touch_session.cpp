@@ -10,8 +10,9 @@
 #include <vector>
 
 #include "service/base/choices.h"
+#include "service/base/force_budget.h"
 #include "service/device/device.h"
-#include "service/touch_plane/scene_errors.h"
+#include "service/scene/slices.h"
 
 namespace teletact::service {
 namespace {
@@ -44,6 +45,50 @@ bool finite(const ContactAnswer& c) {
   };
   return all_finite(c.force_n) && all_finite(c.tangent_n_m) && std::isfinite(c.energy_j) &&
          std::all_of(c.pressure.begin(), c.pressure.end(), known);
+}
+
+// What a scene adds to what the model of a touch says that it may be off by: how well its modulus is known,
+// and tissue that nobody gave.
+
+// Standard deviation of ln E of what is felt there: of a solid's slices; of a plane the median over its
+// window (of tissue nobody measured, where it states none) with the force sensor's and the contact area's.
+// Nothing where the modulus was given.
+std::optional<double> stated_log_deviation(const SceneSnapshot& snapshot, const WindowModel& window,
+                                           const Layer& layer, const TouchPose& pose) {
+  if (snapshot.modulus)
+    return felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer.depth_m, pose.position_m[2]);
+  if (!window.evidence) return std::nullopt;  // given
+  const WindowEvidence& e = *window.evidence;
+  return std::hypot(e.log_deviation > 0 ? e.log_deviation : choices::kUnseenDeviation,
+                    e.force_relative_deviation, e.area_relative_deviation);
+}
+
+// The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond it
+// is three times as stiff or as soft: the share of the force that is borne there (T9.6) times ln 3.
+struct Beside {
+  double away_m = HUGE_VAL, share = 0;
+};
+
+Beside beside_what_was_given(const Region& region, const Fingertip& tip, const TouchPose& pose,
+                             double depth_m) {
+  constexpr double kBesideShare = 0.07;
+  const auto& [x_m, d_m, z_m] = pose.position_m;
+  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
+  if (!region.z || !round || !(d_m > 0)) return {};
+  const double radius_m = std::sqrt(tip.radius_m * d_m),
+               away_m = std::max(0.0, std::min({x_m - region.begin_x_m, region.end_x_m - x_m,
+                                                z_m - region.z->begin_m, region.z->end_m - z_m}));
+  const double borne = kBesideShare * depth_m * radius_m / (away_m * (away_m + depth_m / 4));
+  return {away_m, std::min(0.5, borne) * std::log(3)};
+}
+
+// To the budget of an answer that has one.
+void add_scene_errors(const std::optional<double>& log_deviation, const Beside& beside,
+                      ContactAnswer& contact) {
+  if (contact.budget.terms().empty()) return;
+  if (beside.share > 0)
+    contact.budget.add({ErrorTerm::kContext, TermKind::kEstimate, beside.share / ForceBudget::kOf95});
+  if (log_deviation) contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *log_deviation});
 }
 
 }  // namespace
@@ -301,7 +346,7 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   }
   if (window_->evidence)
     for (const std::string& warning : window_->evidence->warnings)
-      if (effect_of(flag_of(warning)) == FlagEffect::kDegrade) return "of the window: " + warning;
+      if (degrades(flag_of(warning))) return "of the window: " + warning;
   if (measured < choices::kTrustedShare)
     return fmt::format("only {:.0f} % of the tissue under the finger was measured, the rest is extended",
                        100 * measured);

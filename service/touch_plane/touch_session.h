@@ -14,7 +14,6 @@
 #include "service/contact/touch_model.h"
 #include "service/scene/scene.h"
 #include "service/touch_plane/finger_motion.h"
-#include "service/touch_plane/paced_job.h"
 #include "service/touch_plane/tactile_outbox.h"
 #include "service/touch_plane/touch_options.h"
 

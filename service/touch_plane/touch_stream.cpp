@@ -11,7 +11,6 @@
 #include "service/base/choices.h"
 #include "service/base/seconds.h"
 #include "service/scene/errors.h"
-#include "service/touch_plane/observed_touch.h"
 
 namespace teletact::service {
 

@@ -13,7 +13,6 @@
 #include "service/device/current_device.h"
 #include "service/scene/finger.h"
 #include "service/touch_plane/law_outbox.h"
-#include "service/touch_plane/paced_job.h"
 #include "service/touch_plane/tactile_outbox.h"
 #include "service/touch_plane/touch_exchange.h"
 #include "service/touch_plane/touch_session.h"
@@ -38,7 +37,7 @@ class TouchStream {
   static constexpr double kUsualPeriodS = 0.002;
   static constexpr std::size_t kMaxSessionIdBytes = 64;
   static constexpr std::uint64_t kMaxCredit = 256;  // of a wish; kept is what the limits say
-  static constexpr double kLawNearM = 0.010;         // columns of laws this near go before the answer
+  static constexpr double kLawNearM = 0.010;        // columns of laws this near go before the answer
 
   using Arrived = TouchExchange::Arrived;
   // What is to be written next: that the stream is open, a piece of a law, or an answer to the pose that was
@@ -121,6 +120,12 @@ class TouchStream {
   std::optional<Clock::time_point> awaited_since_;  // the law of a newer version than the one that answers
 
   const FingerBoard::Stream finger_;  // this stream's at the scene's board
+};
+
+// An answer of a touch stream as those get it who look on.
+struct ObservedTouch {
+  TouchStream::Answered answered;  // without pressure and tactile image
+  std::chrono::steady_clock::time_point at;
 };
 
 }  // namespace teletact::service

@@ -1,11 +1,10 @@
-#include "service/access/access_file.h"
+#include "service/access/access.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <thread>
 
-#include "service/access/access.h"
 #include "tests/access/access_folder.h"
 
 namespace teletact::service {

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <string>
 
-#include "service/access/token.h"
+#include "service/access/access_table.h"
 
 namespace teletact::service {
 

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "service/access/access_file.h"
+#include "service/access/access.h"
 #include "service/access/certificates.h"
 #include "tests/access/access_folder.h"
 #include "tests/access/made_certificates.h"

@@ -1,5 +1,5 @@
 // What a peer says of its trace is taken where it is what the standard says, and nothing else is.
-#include "service/base/trace_context.h"
+#include "service/base/current_trace.h"
 
 #include <gtest/gtest.h>
 

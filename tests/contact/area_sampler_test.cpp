@@ -30,7 +30,7 @@ struct Written final : TouchedLayer {
   mutable Vector3 corrected_at{1e9, 0, 0};
 
   std::optional<TouchJob> wanted(const Fingertip&, const TouchPose& pose, double) override {
-    return TouchJob{stated, 0, JobWait::kFirst, [this, pose](Clock::time_point) {
+    return TouchJob{stated, JobWait::kFirst, [this, pose](Clock::time_point) {
                       if (loses_device) throw DeviceError("lost");
                       if (fails_to_correct(pose.position_m[0]))
                         throw std::runtime_error("the device is lost");

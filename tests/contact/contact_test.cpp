@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "service/contact/skin.h"
+#include "service/contact/fingertip.h"
 #include "service/tissue/tissue_model.h"
 #include "tests/tissue/tissue_cases.h"
 

@@ -1,5 +1,5 @@
 // The factor that a contact solve rests on, at every size class that it has.
-#include "service/contact/patch_factor.h"
+#include "service/contact/patch_solver.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What a plane says that a solid in its place would differ by, against solids.
-#include "service/contact/plane_dimension.h"
+#include "service/contact/plane_budget.h"
 
 #include <gtest/gtest.h>
 

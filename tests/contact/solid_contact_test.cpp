@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "service/contact/fingertip.h"
-#include "service/contact/skin.h"
 #include "tests/reference/solid.h"
 #include "tests/solver/block_stencil.h"
 #include "tests/tissue/solid/solids.h"
@@ -146,9 +145,7 @@ TEST(SolidContact, TheTissueIsWhereTheSparseFactorPutsIt) {
       p[Eigen::Index(nodes.size())] = node.pressure_pa * area;
       nodes.push_back(reference::unknown(grid, i, 0, k, 1));
     }
-    const Eigen::VectorXd moved = (truth.compliance(nodes) + wide.among(nodes) -
-                                   periodic.among(nodes)) *
-                                  p;
+    const Eigen::VectorXd moved = (truth.compliance(nodes) + wide.among(nodes) - periodic.among(nodes)) * p;
     const SkinThickness skin = skin_thickness(tip, pose[1], std::sqrt(area));
     const bool pad = tip.shape == FingertipShape::kPad;
     for (std::size_t n = 0; n < nodes.size(); ++n) {

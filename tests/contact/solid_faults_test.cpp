@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "service/contact/skin.h"
+#include "service/contact/fingertip.h"
 #include "service/contact/solid_contact.h"
 #include "tests/reference/solid.h"
 #include "tests/solver/block_stencil.h"
@@ -82,8 +82,7 @@ double true_error(const SolidTissue& tissue, const ContactAnswer& answer) {
   }
   const LayeredTissue layers = layered(tissue);
   const SurfaceCompliance wide = wide_surface(grid, layers, 0.49, choices::kMinPeriod * grid.y_m.back());
-  Eigen::MatrixXd s = reference::SolidReference(tissue).compliance(nodes) +
-                      wide.among(nodes) -
+  Eigen::MatrixXd s = reference::SolidReference(tissue).compliance(nodes) + wide.among(nodes) -
                       wide_surface(grid, layers, 0.49, 0).among(nodes);
   off = -(s * p);
   const SkinThickness skin = skin_thickness({}, kPose[1], std::sqrt(area));

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "service/contact/skin.h"
+#include "service/contact/fingertip.h"
 #include "service/contact/solid_contact.h"
 #include "service/tissue/tissue_model.h"
 #include "tests/reference/solid.h"
@@ -103,9 +103,8 @@ TEST(SolidRow, TheTissueIsWhereTheSparseFactorPutsIt) {
       nodes.push_back(reference::unknown(grid, i, 0, k, 1));
       in_field.push_back(reference::unknown(grid, i, row, k, 1));
     }
-    const Eigen::VectorXd moved = (truth.compliance(in_field) + wide.among(nodes) -
-                                   periodic.among(nodes)) *
-                                  p;
+    const Eigen::VectorXd moved =
+        (truth.compliance(in_field) + wide.among(nodes) - periodic.among(nodes)) * p;
     const SkinThickness skin = skin_thickness(kRound, pose[1], std::sqrt(area));
     for (std::size_t n = 0; n < nodes.size(); ++n) {
       const Vector3& at = answer.pressure[n].position_m;

@@ -10,6 +10,7 @@
 #include <limits>
 #include <string>
 
+#include "service/device/cancellation.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
 
@@ -128,28 +129,31 @@ TEST(Elastography, AsksForItsBudgetOnce) {
 TEST(Elastography, StagesEndInOrder) {
   std::vector<Stage> stages;
   const Estimate e = elastography().estimate(still(), pressed(), {speckle_geometry(), std::nullopt, slab()},
-                                             {[&](Stage s) { stages.push_back(s); }});
+                                             [&](Stage s) { stages.push_back(s); });
   EXPECT_EQ(stages, (std::vector{Stage::kDisplacement, Stage::kStrain, Stage::kModulus}));
   EXPECT_TRUE(e.b_mode.grey.empty()) << "nobody wants it";
 }
 
 TEST(Elastography, CancelledWorkStops) {
   int asked = 0;
-  const auto second = [&] { return ++asked >= 2; };
-  EXPECT_THROW(
-      elastography().estimate(still(), pressed(), {speckle_geometry(), std::nullopt, slab()}, {{}, second}),
-      EstimateCancelled);
+  struct Cancelled {};
+  const CancellationCheck second([&] {
+    if (++asked >= 2) throw Cancelled();
+  });
+  EXPECT_THROW(elastography().estimate(still(), pressed(), {speckle_geometry(), std::nullopt, slab()}),
+               Cancelled);
   EXPECT_EQ(asked, 2);
 }
 
 TEST(Elastography, IsTheSameToTheBitWhetherItIsLookedAfterOrNot) {
-  const auto estimate = [](const std::function<bool()>& cancelled) {
-    return elastography().estimate(still(), pressed(),
-                                   {speckle_geometry(), std::nullopt, slab(), {}, {ModulusKind::kDirect, {}}},
-                                   {{}, cancelled});
+  const auto estimate = [] {
+    return elastography().estimate(
+        still(), pressed(), {speckle_geometry(), std::nullopt, slab(), {}, {ModulusKind::kDirect, {}}});
   };
+  const Estimate alone = estimate();
   int asked = 0;
-  const Estimate alone = estimate({}), looked_after = estimate([&] { return ++asked < 0; });
+  const CancellationCheck look([&] { ++asked; });
+  const Estimate looked_after = estimate();
   EXPECT_GT(asked, 100);
   const auto same = [](const Field& a, const Field& b) {
     return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "service/device/cancellation.h"
-#include "service/device/fault.h"
+#include "service/device/device.h"
 #include "service/scene/errors.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"

@@ -17,7 +17,7 @@
 #include "client/servo/tick_statistics.h"
 #include "service/contact/solid_contact.h"
 #include "service/device/device.h"
-#include "service/scene/solid_block.h"
+#include "service/scene/tissue_models.h"
 #include "service/scene/touch_models.h"
 #include "tests/rpc/running_server.h"
 #include "tests/support/fault_proxy.h"

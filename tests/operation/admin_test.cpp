@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "service/device/fault.h"
+#include "service/device/device.h"
 #include "tests/operation/http_peer.h"
 #include "tests/operation/metrics.h"
 #include "tests/rpc/estimate_client.h"
@@ -23,11 +23,12 @@ namespace {
 struct Watched {
   explicit Watched(const Limits& limits = {}, bool ready = true,
                    const std::vector<DeviceOptions>& devices = {})
-      : server("", "", limits, tissue_models(), devices), admin("127.0.0.1:0", server->core()) {
+      : server("", "", limits, tissue_models(), devices),
+        admin(listen_for_admin("127.0.0.1:0", server->core())) {
     if (ready) server->make_ready();
   }
   std::string get(const std::string& target) const {
-    return test::http_get(test::port_of(admin.address()), target);
+    return test::http_get(test::port_of(admin->address()), target);
   }
   std::map<std::string, double> metrics() const {
     const std::string response = get("/metrics");
@@ -42,7 +43,7 @@ struct Watched {
     EXPECT_EQ(metrics()[name], value) << name;
   }
   RunningServer server;
-  Admin admin;
+  std::unique_ptr<HttpListener> admin;
 };
 
 TEST(Admin, ReadyIsWhoServes) {

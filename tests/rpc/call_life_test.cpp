@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "service/rpc/allowance.h"
+#include "service/rpc/connections.h"
 #include "service/rpc/status.h"
 
 namespace teletact::service {

@@ -1,6 +1,6 @@
 // A device that fails under estimates, or under touches alone: said by the health of Elastography, opened
 // anew, and used again. Touch goes on from compliances.
-#include "service/device/fault.h"
+#include "service/device/device.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/health.h"
 

@@ -4,8 +4,8 @@
 #include <future>
 #include <map>
 
-#include "service/device/fault.h"
-#include "service/rpc/acquisition.h"
+#include "service/device/device.h"
+#include "service/rpc/estimate_messages.h"
 #include "service/scene/errors.h"
 #include "tests/rpc/estimate_client.h"
 #include "tests/rpc/health.h"

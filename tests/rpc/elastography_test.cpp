@@ -5,7 +5,7 @@
 #include <cstring>
 #include <vector>
 
-#include "service/rpc/acquisition.h"
+#include "service/rpc/estimate_messages.h"
 #include "tests/rpc/estimates.h"
 
 namespace teletact::service {

@@ -137,8 +137,8 @@ TEST_F(Observing, WindowsAndMapsComeOnceAndAgainWhereTheyChange) {
   Observer observer(everything("growing"));
   EXPECT_EQ(observer.until([](const auto& s) { return s.has_scene(); }).scene().windows_size(), 0);
   // WHEN two windows are published, far from each other
-  scene->publish(window(0.0, 1e4, 10), {});
-  scene->publish(window(0.15, 2e4, 20), {});
+  scene->publish(window(0.0, 1e4, 10));
+  scene->publish(window(0.15, 2e4, 20));
   std::optional<Assembled> felt;
   felt.emplace(full("growing").youngs_modulus());
   std::set<std::uint64_t> images;
@@ -161,7 +161,7 @@ TEST_F(Observing, WindowsAndMapsComeOnceAndAgainWhereTheyChange) {
   EXPECT_EQ(full("growing").b_mode_size(), 2);
   EXPECT_EQ(full("growing").youngs_modulus_log_std().grid().size(0), felt->nx);
   // AND one that is published again comes alone: its image, and its columns
-  const Published again = scene->publish(window(0.15, 3e4, 30), {});
+  const Published again = scene->publish(window(0.15, 3e4, 30));
   images.clear();
   std::size_t columns = 0;
   const v1::Observation last = observer.until([&](const auto& state) {

@@ -42,7 +42,7 @@ struct Measured {
 
 Measured measure(const Case& c) {
   Scene scene("s", tissue(3 * kWindowM, kDepthM), versions());
-  for (int k = 0; k < 3; ++k) scene.publish(window_of(c.truth, kWindowM * k, kWindowM, kDepthM), {});
+  for (int k = 0; k < 3; ++k) scene.publish(window_of(c.truth, kWindowM * k, kWindowM, kDepthM));
   while (scene.refresh_stale_window()) {
   }
   const auto window = scene.snapshot()->windows[1];
@@ -143,7 +143,7 @@ TEST(ContactLawOfAWindow, SaysWhatATipTooSmallForTheMeshCosts) {
 
 TEST(ContactLaws, AreSampledOnceBesideTouchAndSharedByTipAndLayer) {
   Scene scene("s", tissue(0.1, 0.04), versions());
-  scene.publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM), {});
+  scene.publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM));
   const auto window = scene.snapshot()->windows[0];
   const Layer layer = scene.layer_near(0);
   const auto touched = window->model->layer(layer, {}, {});
@@ -185,7 +185,7 @@ TEST(ContactLaws, OfEachLayerAreItsOwnAndHeldInTheTissuesName) {
   };
   {
     Scene scene("s", tissue(0.1, 0.04), versions(), {}, {budget, "anna", "s"});
-    scene.publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM), {});
+    scene.publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM));
     const auto window = scene.snapshot()->windows[0];
     std::size_t columns = 0;
     std::shared_ptr<const ContactLaw> of_last;
@@ -205,7 +205,7 @@ TEST(ContactLaws, OfEachLayerAreItsOwnAndHeldInTheTissuesName) {
 
 TEST(ContactLaws, AModelThatIsGoneSamplesNothing) {
   auto scene = std::make_unique<Scene>("s", tissue(0.1, 0.04), versions());
-  scene->publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM), {});
+  scene->publish(window_of(homogeneous(10e3), 0.02, kWindowM, kDepthM));
   auto window = scene->snapshot()->windows[0];
   std::function<void()> posted;
   const TouchWork work = [&](const std::string&, std::function<void()> job) { posted = std::move(job); };

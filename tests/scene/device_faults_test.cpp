@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "service/contact/solid_layer.h"
-#include "service/device/fault.h"
+#include "service/device/device.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/stacks.h"
 #include "tests/scene/windows.h"
@@ -21,7 +21,7 @@ class FaultyDevice : public FaultyKernels {
  protected:
   void SetUp() override {
     FaultyKernels::SetUp();
-    scene_->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03), {});
+    scene_->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03));
   }
 
   // Presses by way of the device, again and again, and by compliance beside it. `of_device`: it is the device

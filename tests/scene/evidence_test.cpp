@@ -1,5 +1,5 @@
 // What a window was made of stays with it, on disk too, and each doubt does to a touch what the table says.
-#include "service/scene/evidence.h"
+#include "service/scene/stitched_map.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -32,8 +32,8 @@ std::shared_ptr<Scene> doubted(const std::vector<std::string>& warnings) {
   auto scene = std::make_shared<Scene>("s", tissue(0.12, kDepthM), versions());
   WindowEstimate window = window_of(homogeneous(10e3), 0.03, kWindowM, kDepthM);
   window.evidence.warnings = warnings;
-  scene->publish(window, {});
-  scene->publish(window_of(homogeneous(10e3), 0.06, kWindowM, kDepthM), {});
+  scene->publish(window);
+  scene->publish(window_of(homogeneous(10e3), 0.06, kWindowM, kDepthM));
   return scene;
 }
 
@@ -70,7 +70,7 @@ TEST(Evidence, OfADoubtedWindowNothingIsForeseen) {
 TEST(Evidence, AWindowWithoutNeighboursIsLoneUntilItHasOne) {
   auto scene = std::make_shared<Scene>("s", tissue(0.2, kDepthM), versions());
   const auto publish = [&](double x_m) {
-    return scene->publish(window_of(homogeneous(10e3), x_m, kWindowM, kDepthM), {}).warnings;
+    return scene->publish(window_of(homogeneous(10e3), x_m, kWindowM, kDepthM)).warnings;
   };
   const auto lone = [&](double x_m) {
     return touched(scene, x_m).window_flags == std::vector<std::string>{kLoneFlag};
@@ -94,7 +94,7 @@ WindowEstimate measured_where(const std::function<bool(double)>& measured) {
 
 TouchStatus at_layer(const WindowEstimate& window, double depth_m) {
   auto scene = std::make_shared<Scene>("s", tissue(0.12, kDepthM), versions());
-  scene->publish(window, {});
+  scene->publish(window);
   TouchOptions options;
   options.layer_depth_m = depth_m;
   TouchSession session(scene, options, nullptr);
@@ -116,7 +116,7 @@ TEST(Evidence, ARefreshedNeighbourKeepsWhenItWasTakenIn) {
   for (const auto& [x_m, taken_in] : {std::pair{0.03, first}, {0.06, second}}) {
     WindowEstimate window = window_of(homogeneous(10e3), x_m, kWindowM, kDepthM);
     window.evidence.taken_in = taken_in;
-    scene->publish(window, {});
+    scene->publish(window);
   }
   const std::uint64_t before = touched(scene, 0.045).model_version;
   while (scene->refresh_stale_window()) {

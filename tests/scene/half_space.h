@@ -47,10 +47,8 @@ class HalfSpace final : public TouchModel {
         modulus_pa_(youngs_modulus_pa / (1 - poisson_ratio * poisson_ratio)),
         faults_(faults),
         region_(region) {}
-  const char* name() const override { return "half-space"; }
   Region region() const override { return region_; }
   std::vector<Layer> layers() const override { return {tilted_surface()}; }
-  TouchCost cost() const override { return {}; }
   std::shared_ptr<TouchedLayer> layer(const Layer& layer, const TouchWay&, const TouchWork&) const override {
     if (layer != tilted_surface()) throw std::out_of_range("a half-space has its surface alone");
     return std::make_shared<Surface>(modulus_pa_, faults_);

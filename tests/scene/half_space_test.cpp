@@ -135,10 +135,10 @@ TEST(PublishedHalfSpaces, AreTouchedAndReplacedAsAnyModel) {
   TouchSession session(scene, {}, nullptr);
   const Vector3 at = on_tilted_surface(0.05, 0.01, 0.002);
   EXPECT_EQ(session.solve(at).status, TouchStatus::kNotCovered);
-  scene->publish(window_of(homogeneous(10e3), 0.02, 0.06, kDepthM), {});
+  scene->publish(window_of(homogeneous(10e3), 0.02, 0.06, kDepthM));
   const TouchAnswer soft = session.solve(at);
   EXPECT_EQ(soft.status, TouchStatus::kOk) << soft.warning;
-  scene->publish(window_of(homogeneous(30e3), 0.02, 0.06, kDepthM), {});
+  scene->publish(window_of(homogeneous(30e3), 0.02, 0.06, kDepthM));
   const TouchAnswer stiff = session.solve(at);
   EXPECT_GT(stiff.model_version, soft.model_version);
   for (std::size_t k = 0; k < 3; ++k)

@@ -58,7 +58,7 @@ TEST(SceneMemory, EmptyScenesOfTheLargestSizeCostLessThanAMebibyteEach) {
 TEST(SceneMemory, APublicationSharesWhatItDoesNotChange) {
   const auto budget = budget_of(4096 * kMiB);
   Scene scene("s", tissue(1.0, 0.05), versions(), {}, {budget, "anna", "s"});
-  for (const double x_m : {0.0, 0.3, 0.6}) scene.publish(window_of(homogeneous(10e3), x_m, 0.03, 0.05), {});
+  for (const double x_m : {0.0, 0.3, 0.6}) scene.publish(window_of(homogeneous(10e3), x_m, 0.03, 0.05));
   const auto before = scene.snapshot();
   const auto moduli_pa = before->map->youngs_modulus_pa();
   const auto held = [&] {
@@ -67,7 +67,7 @@ TEST(SceneMemory, APublicationSharesWhatItDoesNotChange) {
     return std::uint64_t{0};
   };
   const std::uint64_t of_before = held();
-  scene.publish(window_of(homogeneous(20e3), 0.6, 0.03, 0.05), {});
+  scene.publish(window_of(homogeneous(20e3), 0.6, 0.03, 0.05));
   const auto after = scene.snapshot();
   EXPECT_EQ(after->map->cells().shared_with(before->map->cells()), 3U) << "one block at 0, two at 0.3 m";
   EXPECT_LT(held(), 1.5 * static_cast<double>(of_before));

@@ -2,8 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
-#include "service/scene/window_tissue.h"
+#include "service/scene/tissue_models.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
 
@@ -15,7 +16,7 @@ constexpr double kWidthM = 0.120, kDepthM = 0.030, kWindowM = 0.030;
 class SceneWithWindows : public testing::Test {
  protected:
   Published publish(double x_m, double modulus_pa = 10e3) {
-    return scene.publish(window_of(homogeneous(modulus_pa), x_m, kWindowM, kDepthM), {});
+    return scene.publish(window_of(homogeneous(modulus_pa), x_m, kWindowM, kDepthM));
   }
   Scene scene{"s", tissue(kWidthM, kDepthM), versions()};
 };
@@ -108,8 +109,7 @@ TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
   scene.use_layer(scene.layer_near(0.001 * kRow));
   for (const double begin_m : {0.0, 0.03, 0.06, 0.03, 0.015, 0.06, 0.06}) {
     scene.publish(
-        window_of(inclusion(10e3, 3 + 100 * begin_m, begin_m + 0.012, 0.008, 0.006), begin_m, 0.03, kDepthM),
-        {});
+        window_of(inclusion(10e3, 3 + 100 * begin_m, begin_m + 0.012, 0.008, 0.006), begin_m, 0.03, kDepthM));
     while (scene.refresh_stale_window()) {
     }
     const auto snapshot = scene.snapshot();
@@ -129,7 +129,7 @@ TEST_F(SceneWithWindows, ModelsThatFollowOthersAreThoseMadeAnew) {
 
 TEST_F(SceneWithWindows, WindowThatHidesOthersReplacesThem) {
   publish(0.03), publish(0.06);
-  scene.publish(window_of(homogeneous(20e3), 0.02, 0.08, kDepthM), {});
+  scene.publish(window_of(homogeneous(20e3), 0.02, 0.08, kDepthM));
   EXPECT_EQ(scene.snapshot()->windows.size(), 1U);
 }
 
@@ -145,7 +145,10 @@ TEST_F(SceneWithWindows, PassesOfAProbeThatIsNotPreciseDoNotPileUp) {
 TEST_F(SceneWithWindows, CancelledPublicationChangesNothing) {
   publish(0);
   const auto before = scene.snapshot();
-  EXPECT_THROW(scene.publish(window_of(homogeneous(1e3), 0, kWindowM, kDepthM), [] { return true; }), Error);
+  {
+    const CancellationCheck cancelled([] { throw Error(ErrorKind::kCancelled, "nobody waits for it"); });
+    EXPECT_THROW(publish(0), Error);
+  }
   scene.mark_deleted();
   EXPECT_THROW(publish(0.03), Error);
   EXPECT_EQ(scene.snapshot(), before);

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "service/scene/errors.h"
-#include "service/scene/solid_block.h"
+#include "service/scene/tissue_models.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/stacks.h"
 #include "tests/solver/block_stencil.h"

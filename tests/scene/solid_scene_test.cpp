@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "service/scene/scene_record.h"
-#include "service/scene/solid_block.h"
+#include "service/scene/tissue_models.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/solid_with_ball.h"
 #include "tests/solver/block_stencil.h"

@@ -1,10 +1,9 @@
 // Versions are reserved on disk ahead of their use, and never by who uses them.
-#include "service/scene/versions.h"
+#include "service/scene/state_store.h"
 
 #include <gtest/gtest.h>
 
 #include "service/scene/errors.h"
-#include "service/scene/state_store.h"
 #include "tests/scene/losing_disk.h"
 
 namespace teletact::service {

@@ -1,4 +1,4 @@
-#include "service/scene/window_tissue.h"
+#include "service/scene/tissue_models.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "service/solver/cycle_plan.h"
+#include "service/solver/level_layout.h"
 
 #include <gtest/gtest.h>
 

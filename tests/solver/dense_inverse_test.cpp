@@ -1,4 +1,4 @@
-#include "service/solver/dense_inverse.h"
+#include "service/solver/smoother.h"
 
 #include <gtest/gtest.h>
 

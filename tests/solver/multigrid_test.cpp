@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "service/solver/linear_operator.h"
 #include "service/solver/smoother.h"
-#include "service/solver/stencil.h"
 #include "tests/solver/block_stencil.h"
 #include "tests/solver/levels_on_device.h"
 

@@ -1,4 +1,4 @@
-#include "service/solver/node_lines.h"
+#include "service/solver/level_layout.h"
 
 #include <gtest/gtest.h>
 

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <limits>
 
+#include "service/solver/linear_operator.h"
 #include "service/solver/multigrid.h"
-#include "service/solver/stencil.h"
 #include "tests/solver/block_stencil.h"
 
 namespace teletact::service {

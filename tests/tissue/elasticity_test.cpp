@@ -9,9 +9,9 @@
 #include <limits>
 #include <random>
 
+#include "service/solver/linear_operator.h"
 #include "service/solver/multigrid.h"
 #include "service/solver/pcg.h"
-#include "service/solver/stencil.h"
 #include "tests/reference/elasticity.h"
 
 namespace teletact::service {

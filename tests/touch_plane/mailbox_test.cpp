@@ -1,4 +1,4 @@
-#include "service/touch_plane/mailbox.h"
+#include "service/touch_plane/touch_exchange.h"
 
 #include <gtest/gtest.h>
 

@@ -12,7 +12,7 @@
 #include <variant>
 
 #include "service/scene/errors.h"
-#include "service/touch_plane/observed_touch.h"
+#include "service/touch_plane/touch_stream.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -55,7 +55,7 @@ TEST_F(LookingOn, NobodyIsToldWhereNobodyLooks) {
 }
 
 TEST_F(LookingOn, TheNewestIsToldAtTheRateAndOnlyAfterTheLastWasAcknowledged) {
-  Observer observer(scene, {.answers = true, .max_rate_hz = 10});
+  Observer observer(scene, {.answers = true}, 10);
   const auto first = observer.due(begin, true, false);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->number, 1u);
@@ -115,7 +115,7 @@ TEST_F(LookingOn, ALayerWhoseStreamEndsInContactIsToldAtRest) {
 
 // However seldom it is told, what it is told is the newest.
 TEST_F(LookingOn, AnAnswerIsTheNewestAtAnyRate) {
-  Observer observer(scene, {.answers = true, .max_rate_hz = 0.5});
+  Observer observer(scene, {.answers = true}, 0.5);
   told(observer, begin);
   for (const double y_m : {0.001, 0.002, -0.001}) touch(y_m);
   const auto state = told(observer, begin + milliseconds(2001));
@@ -134,9 +134,9 @@ TEST_F(LookingOn, WhoAcknowledgesNothingIsEndedAndWhoLiesToo) {
 }
 
 TEST_F(LookingOn, OptionsThatCannotBeMetAreNamed) {
-  const auto refused = [&](Observer::Options options, const char* field) {
+  const auto refused = [&](const Observers::Options& options, double max_rate_hz, const char* field) {
     try {
-      Observer observer(scene, options);
+      Observer observer(scene, options, max_rate_hz);
       return testing::AssertionFailure() << "taken";
     } catch (const std::invalid_argument& error) {
       return std::string(error.what()).starts_with(field) ? testing::AssertionSuccess()
@@ -144,8 +144,8 @@ TEST_F(LookingOn, OptionsThatCannotBeMetAreNamed) {
     }
   };
   for (const double rate_hz : {-1.0, 0.05, 60.5, std::nan("")})
-    EXPECT_TRUE(refused({.max_rate_hz = rate_hz}, "open.max_rate_hz")) << rate_hz;
-  EXPECT_TRUE(refused({.session_id = std::string(65, 'x')}, "open.session_id"));
+    EXPECT_TRUE(refused({}, rate_hz, "open.max_rate_hz")) << rate_hz;
+  EXPECT_TRUE(refused({.session_id = std::string(65, 'x')}, 0, "open.session_id"));
   EXPECT_FALSE(scene->observers()->any()) << "one that is refused never looked";
 }
 

@@ -21,7 +21,7 @@ constexpr double kWidthM = 0.300, kDepthM = 0.040, kWindowM = 0.060;
 
 std::shared_ptr<Scene> published(const TrueModulus& truth) {
   auto scene = std::make_shared<Scene>("s", tissue(kWidthM, kDepthM), versions());
-  for (int k = 0; k < 5; ++k) scene->publish(window_of(truth, kWindowM * k, kWindowM, kDepthM), {});
+  for (int k = 0; k < 5; ++k) scene->publish(window_of(truth, kWindowM * k, kWindowM, kDepthM));
   while (scene->refresh_stale_window()) {
   }
   return scene;
@@ -68,13 +68,13 @@ TEST(HandOver, ForceJumpsWithoutTheNeighboursRebuilt) {
   // The test above can fail: the same scene before its first window has heard of the inclusion beyond it.
   auto scene = std::make_shared<Scene>("s", tissue(kWidthM, kDepthM), versions());
   const auto truth = inclusion(10e3, 5, kWindowM + 0.006, 0.010, 0.006);
-  for (int k = 0; k < 5; ++k) scene->publish(window_of(truth, kWindowM * k, kWindowM, kDepthM), {});
+  for (int k = 0; k < 5; ++k) scene->publish(window_of(truth, kWindowM * k, kWindowM, kDepthM));
   EXPECT_GE(largest_jump(scene, 0.004), 0.02);
 }
 
 class Session : public testing::Test {
  protected:
-  Session() { scene->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03), {}); }
+  Session() { scene->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03)); }
   std::shared_ptr<Scene> scene = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
 };
 
@@ -148,7 +148,7 @@ TEST_F(Session, PosesThatMakeNoSenseAreNamed) {
 TEST_F(Session, TissueThatWasHardlyMeasuredIsNotTrusted) {
   auto w = window_of(homogeneous(10e3), 0.03, 0.06, 0.03);
   for (std::size_t n = 0; n < w.valid.size(); ++n) w.valid[n] = n % w.grid.nx > 75;  // 64 mm and more
-  scene->publish(w, {});
+  scene->publish(w);
   TouchSession session(scene, {}, nullptr);
   const TouchAnswer far = session.solve({0.045, 0.003});
   EXPECT_EQ(far.status, TouchStatus::kDegraded);
@@ -161,7 +161,7 @@ TEST_F(Session, TissueThatWasHardlyMeasuredIsNotTrusted) {
 TEST_F(Session, TissueOfWhichAQuarterWasMeasuredIsNotTrusted) {
   auto w = window_of(homogeneous(10e3), 0.03, 0.06, 0.03);
   for (std::size_t n = 0; n < w.valid.size(); ++n) w.valid[n] = n / w.grid.nx % 4 == 0;
-  scene->publish(w, {});
+  scene->publish(w);
   TouchSession session(scene, {}, nullptr);
   const TouchAnswer touched = session.solve({0.06, 0.003});
   EXPECT_EQ(touched.status, TouchStatus::kDegraded);
@@ -184,7 +184,7 @@ TEST_F(Session, FingertipsWiderThanTheWindowsReachAreRefused) {
 TEST_F(Session, FollowsANewerModelAtTheSamePlace) {
   TouchSession session(scene, {}, nullptr);
   const TouchAnswer soft = session.solve({0.06, 0.003});
-  scene->publish(window_of(homogeneous(30e3), 0.03, 0.06, 0.03), {});
+  scene->publish(window_of(homogeneous(30e3), 0.03, 0.06, 0.03));
   const TouchAnswer stiff = session.solve({0.06, 0.003});
   EXPECT_GT(stiff.model_version, soft.model_version);
   EXPECT_NEAR(stiff.contact.force_n[1] / soft.contact.force_n[1], 3, 1e-3);
@@ -250,7 +250,7 @@ TEST(ExplicitScene, KeepsItsGridAndIsTouchableAtOnce) {
   TouchSession session(scene, node, nullptr);
   EXPECT_EQ(session.solve({0.05, 0.002}).status, TouchStatus::kOk);
   EXPECT_NE(session.solve({0.1, 0.002}).status, TouchStatus::kNotCovered);
-  EXPECT_THROW(scene->publish(window_of(homogeneous(1e4), 0, 0.05, 0.1), {}), std::exception);
+  EXPECT_THROW(scene->publish(window_of(homogeneous(1e4), 0, 0.05, 0.1)), std::exception);
 }
 
 std::string warning_at(double spacing_m, const TouchOptions& options, double x_m, double y_m) {

@@ -14,7 +14,7 @@
 
 #include "service/base/choices.h"
 #include "service/scene/errors.h"
-#include "service/touch_plane/finger_watch.h"
+#include "service/touch_plane/observer.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -81,7 +81,7 @@ class StreamWithLaws : public testing::Test {
         [this](const std::string&, std::function<void()> job) { jobs.push_back(std::move(job)); });
   }
   std::uint64_t publish(double pa) {
-    const auto published = scene->publish(window_of(homogeneous(pa), 0, 0.06, 0.02), [] { return false; });
+    const auto published = scene->publish(window_of(homogeneous(pa), 0, 0.06, 0.02));
     scene->snapshot()->windows[0]->model->layer({}, {}, {});  // ready to be touched
     return published.version;
   }

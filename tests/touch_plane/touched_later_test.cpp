@@ -7,7 +7,6 @@
 
 #include "service/base/choices.h"
 #include "service/device/device.h"
-#include "service/device/fault.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/windows.h"
@@ -24,7 +23,7 @@ class TouchedLater : public testing::Test {
         [this](const std::string&, std::function<void()> job) { preparing.push_back(std::move(job)); });
   }
   void publish(double x_m, double modulus_pa) {
-    scene->publish(window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03), {});
+    scene->publish(window_of(homogeneous(modulus_pa), x_m, 0.03, 0.03));
   }
   static std::size_t do_all(std::deque<std::function<void()>>& jobs) {
     std::size_t done = 0;

@@ -11,7 +11,7 @@
 #include "bench/basics/clock.h"
 #include "bench/suites/contact/contact.h"
 #include "service/base/choices.h"
-#include "service/scene/window_tissue.h"
+#include "service/scene/tissue_models.h"
 #include "service/tissue/tissue_model.h"
 
 namespace teletact::bench {

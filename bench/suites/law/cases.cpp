@@ -11,7 +11,7 @@
 
 #include "service/base/choices.h"
 #include "service/contact/plane_touch_model.h"
-#include "service/scene/window_tissue.h"
+#include "service/scene/tissue_models.h"
 
 namespace teletact::bench {
 namespace {

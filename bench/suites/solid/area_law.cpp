@@ -16,7 +16,7 @@
 #include "service/contact/area_sampler.h"
 #include "service/contact/solid_contact.h"
 #include "service/device/device.h"
-#include "service/scene/solid_block.h"
+#include "service/scene/tissue_models.h"
 #include "tests/tissue/solid/solids.h"
 
 namespace teletact::bench {

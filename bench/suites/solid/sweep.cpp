@@ -18,7 +18,7 @@
 #include "bench/suites/solid/solid.h"
 #include "service/contact/solid_contact.h"
 #include "service/device/device.h"
-#include "service/scene/solid_block.h"
+#include "service/scene/tissue_models.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/tissue/solid/solids.h"
 

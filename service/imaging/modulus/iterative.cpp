@@ -6,8 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "service/device/worked.h"
-#include "service/imaging/modulus/displacement_data.h"
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/problem.h"
 #include "service/imaging/modulus/seed.h"

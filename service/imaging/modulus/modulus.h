@@ -18,7 +18,6 @@
 #include "service/imaging/modulus/window_nodes.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/measured.h"
-#include "service/imaging/tracking/strain.h"
 
 namespace teletact::service {
 

@@ -15,10 +15,9 @@
 
 #include "service/device/device.h"
 #include "service/imaging/tracking/noise_model.h"
-#include "service/imaging/tracking/noise_response.h"
 #include "service/imaging/tracking/sample_grid.h"
+#include "service/solver/linear_operator.h"
 #include "service/solver/pcg.h"
-#include "service/solver/stencil.h"
 
 namespace teletact::service {
 

@@ -1,5 +1,5 @@
 // The surface's compliance S = G + dS. G = S0 + D S_l D - S_l is the guess: layered tissue's S0, its smooth
-// part S_l scaled by how stiff the tissue is felt at each node (felt_modulus.h). dS is known from contacts
+// part S_l scaled by how stiff the tissue is felt at each node (element_shares.h). dS is known from contacts
 // that were solved on the whole block (T8.4): pairs (p, dS p) of forces and of what the surface moves by
 // beyond the guess. With E = dS Q, Q an orthonormal basis of the forces,
 //   S' = G + E Q^T + Q E^T - Q (Q^T E) Q^T
@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "service/tissue/solid/felt_modulus.h"
+#include "service/tissue/solid/element_shares.h"
 #include "service/tissue/solid/solid_solver.h"
 #include "service/tissue/solid/solid_tissue.h"
 #include "service/tissue/solid/surface_compliance.h"

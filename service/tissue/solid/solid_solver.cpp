@@ -11,7 +11,7 @@
 #include <string>
 #include <utility>
 
-#include "service/tissue/solid/hexahedron.h"
+#include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::service {
 namespace {

@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "service/solver/pcg.h"
-#include "service/tissue/solid/layered_preconditioner.h"
+#include "service/tissue/solid/layered_factor.h"
 #include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::service {

@@ -1,5 +1,5 @@
 // Estimate: what a client says of its RF pair, and the pair's chunks.
-#include "service/rpc/acquisition.h"
+#include "service/rpc/estimate_messages.h"
 
 #include <cmath>
 

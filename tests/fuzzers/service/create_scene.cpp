@@ -1,7 +1,6 @@
 // CreateScene: geometry, an explicit modulus, slices; the scene is made of what is taken.
 #include <cmath>
 
-#include "service/rpc/modulus_messages.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"

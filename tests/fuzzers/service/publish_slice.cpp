@@ -1,5 +1,5 @@
 // PublishSlice: one more plane of a solid.
-#include "service/rpc/modulus_messages.h"
+#include "service/rpc/palpation_messages.h"
 #include "service/scene/errors.h"
 #include "tests/fuzzers/service/fuzzers.h"
 #include "tests/scene/stacks.h"

@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "service/imaging/tracking/noise_model.h"
-#include "service/imaging/tracking/noise_response.h"
 
 namespace teletact::service {
 namespace {

@@ -7,7 +7,7 @@
 #include <memory>
 #include <random>
 
-#include "service/imaging/tracking/strain.h"
+#include "service/imaging/tracking/measured.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
 

@@ -1,4 +1,4 @@
-#include "service/imaging/tracking/strain.h"
+#include "service/imaging/tracking/measured.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Shares of a contact's force in the elements (T9.2), and what tissue is felt to be by them.
-#include "service/tissue/solid/force_shares.h"
+#include "service/tissue/solid/element_shares.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "service/tissue/solid/hexahedron.h"
+#include "service/tissue/solid/solid_tissue.h"
 #include "service/tissue/solid/surface_compliance.h"
 #include "tests/reference/solid.h"
 #include "tests/tissue/solid/solids.h"

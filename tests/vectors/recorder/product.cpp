@@ -205,7 +205,7 @@ double Touching::layer_m() const {
 
 void Touching::publish(double window_m, const Modulus& modulus_pa) {
   const TissueCase& c = product_->tissue;
-  product_->scene->publish(service::window_of(modulus_pa, window_m, c.window_width_m, c.depth_m), {});
+  product_->scene->publish(service::window_of(modulus_pa, window_m, c.window_width_m, c.depth_m));
   while (product_->scene->refresh_stale_window()) {
   }
 }

@@ -1,11 +1,14 @@
-// What a client says about its RF pair, checked, and the pair itself as its chunks come in.
+// proto <-> domain for estimates: what a client says about its RF pair, checked, the pair itself as its
+// chunks come in, and what was found.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "service/imaging_plane/estimate_request.h"
+#include "service/imaging_plane/imaging_plane.h"
 #include "service/scene/scenes.h"
 #include "teletact/v1/elastography.pb.h"
 
@@ -36,5 +39,12 @@ class FrameUpload {
   v1::DataType dtype_;
   std::string pre_, post_;
 };
+
+// What an estimate found, as messages: one for each map that was asked for, then the summary.
+v1::EstimateStage stage_to(Stage);
+const char* name_of(Stage);
+
+// Message `index` of the answer into `out`; false when there is none any more.
+bool answer_to(const EstimateOutcome&, const EstimateRequest&, std::size_t index, v1::EstimateResponse* out);
 
 }  // namespace teletact::service

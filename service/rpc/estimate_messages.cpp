@@ -1,4 +1,4 @@
-#include "service/rpc/acquisition.h"
+#include "service/rpc/estimate_messages.h"
 
 #include <fmt/format.h>
 
@@ -7,10 +7,12 @@
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <variant>
 
 #include "service/device/cancellation.h"
 #include "service/imaging/maps.h"
-#include "service/rpc/modulus_messages.h"
 #include "service/rpc/palpation_messages.h"
 #include "service/scene/errors.h"
 
@@ -32,50 +34,20 @@ void check_frame_bytes(const v1::Acquisition& in, const Limits& limits) {
             in.sample_count(), in.line_count(), limits.max_frame_bytes));
 }
 
-DisplacementFrame frame_from(v1::DisplacementFrame in) {
-  switch (in) {
-    case v1::DISPLACEMENT_FRAME_LAB:
-      return DisplacementFrame::kLab;
-    case v1::DISPLACEMENT_FRAME_PROBE:
-      return DisplacementFrame::kProbe;
-    default:
-      throw std::invalid_argument(
-          "acquisition.displacement_frame: must be stated; LAB where the far side rests, PROBE where the "
-          "probe face rests");
-  }
-}
+constexpr std::array kFrames{v1::DISPLACEMENT_FRAME_LAB,
+                             v1::DISPLACEMENT_FRAME_PROBE};  // by DisplacementFrame
+constexpr std::array kMethods{v1::MODULUS_METHOD_REFERENCE_STRESS, v1::MODULUS_METHOD_DIRECT,
+                              v1::MODULUS_METHOD_ITERATIVE, v1::MODULUS_METHOD_SOLID};  // by ModulusKind
+constexpr std::array kPlanes{v1::PLANE_CONDITION_STRAIN, v1::PLANE_CONDITION_STRESS,
+                             v1::PLANE_CONDITION_SOLID};  // by Plane
+constexpr std::array kStages{v1::ESTIMATE_STAGE_DISPLACEMENT, v1::ESTIMATE_STAGE_STRAIN,
+                             v1::ESTIMATE_STAGE_MODULUS};  // by Stage
 
 std::optional<ModulusKind> modulus_kind_from(v1::ModulusMethod in) {
-  switch (in) {
-    case v1::MODULUS_METHOD_UNSPECIFIED:
-      return std::nullopt;
-    case v1::MODULUS_METHOD_REFERENCE_STRESS:
-      return ModulusKind::kReferenceStress;
-    case v1::MODULUS_METHOD_DIRECT:
-      return ModulusKind::kDirect;
-    case v1::MODULUS_METHOD_ITERATIVE:
-      return ModulusKind::kIterative;
-    case v1::MODULUS_METHOD_SOLID:
-      return ModulusKind::kSolid;
-    default:
-      throw std::invalid_argument(
-          "acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS, DIRECT, ITERATIVE or "
-          "SOLID");
-  }
-}
-
-Plane plane_from(v1::PlaneCondition in) {
-  switch (in) {
-    case v1::PLANE_CONDITION_UNSPECIFIED:
-    case v1::PLANE_CONDITION_STRAIN:
-      return Plane::kStrain;
-    case v1::PLANE_CONDITION_STRESS:
-      return Plane::kStress;
-    case v1::PLANE_CONDITION_SOLID:
-      return Plane::kSolid;
-    default:
-      throw std::invalid_argument("acquisition.plane: unknown; leave it out or use STRAIN, STRESS or SOLID");
-  }
+  if (in == v1::MODULUS_METHOD_UNSPECIFIED) return std::nullopt;
+  return value_from<ModulusKind>(kMethods, in,
+                                 "acquisition.modulus_method: unknown; leave it out or use REFERENCE_STRESS, "
+                                 "DIRECT, ITERATIVE or SOLID");
 }
 
 // Each at most once: the answer is as large as what is asked for.
@@ -96,21 +68,12 @@ std::vector<std::string> maps_from(const v1::Acquisition& in) {
 
 // Where a window begins: at the scene's surface, along its axes, along x anywhere; across a solid's z, too.
 std::array<double, 3> origin_from(const std::string& field, const v1::SlicePose& in, bool solid) {
-  const auto lies_along = [&](const char* name, const auto& stated, const std::array<double, 3>& axis) {
-    const std::string full = field + "." + name;
-    if (stated.empty() || vector_from(full.c_str(), stated, false) == axis) return;
-    throw std::invalid_argument(
-        fmt::format("{}: windows lie along the scene's own axes; leave it out", full));
-  };
-  lies_along("lateral", in.lateral(), {1, 0, 0});
-  lies_along("axial", in.axial(), {0, 1, 0});
-  const std::string origin = field + ".origin_m";
-  const auto origin_m = vector_from(origin.c_str(), in.origin_m(), false);
+  const auto origin_m = origin_along_axes(field, in, "windows");
   for (const std::size_t axis : {1U, 2U})
     if (origin_m[axis] != 0 && !(solid && axis == 2))
       throw std::invalid_argument(
-          fmt::format("{}[{}]: {}; windows begin at the scene's surface{}: give [x, 0, {}]", origin, axis,
-                      origin_m[axis], solid ? "" : " and lie in its plane", solid ? "z" : "0"));
+          fmt::format("{}.origin_m[{}]: {}; windows begin at the scene's surface{}: give [x, 0, {}]", field,
+                      axis, origin_m[axis], solid ? "" : " and lie in its plane", solid ? "z" : "0"));
   return origin_m;
 }
 
@@ -118,16 +81,27 @@ EstimateRequest stated_in(const v1::Acquisition& in, const Scenes& scenes) {
   EstimateRequest request;
   request.sample_count = in.sample_count();
   request.line_count = in.line_count();
-  request.geometry = {in.center_frequency_hz(),  in.sampling_frequency_hz(),
-                      in.sound_speed_m_s(),      in.line_pitch_m(),
-                      in.first_sample_depth_m(), frame_from(in.displacement_frame())};
+  request.geometry = {in.center_frequency_hz(),
+                      in.sampling_frequency_hz(),
+                      in.sound_speed_m_s(),
+                      in.line_pitch_m(),
+                      in.first_sample_depth_m(),
+                      value_from<DisplacementFrame>(
+                          kFrames, in.displacement_frame(),
+                          "acquisition.displacement_frame: must be stated; LAB where the far side rests, "
+                          "PROBE where the probe face rests")};
   if (in.has_probe_force()) {
     request.force = {in.probe_force().force_n(), in.probe_force().contact_area_m2()};
     request.force_std_n = in.probe_force().force_std_n();
     request.contact_area_std_m2 = in.probe_force().contact_area_std_m2();
   }
-  request.tissue = {in.tissue_width_m(), in.tissue_depth_m(),    0,
-                    in.poisson_ratio(),  plane_from(in.plane()), in.probe_elevation_m()};
+  const Plane plane =
+      in.plane() == v1::PLANE_CONDITION_UNSPECIFIED
+          ? Plane::kStrain
+          : value_from<Plane>(kPlanes, in.plane(),
+                              "acquisition.plane: unknown; leave it out or use STRAIN, STRESS or SOLID");
+  request.tissue = {in.tissue_width_m(),   in.tissue_depth_m(), 0, in.poisson_ratio(), plane,
+                    in.probe_elevation_m()};
   request.max_strain = in.max_strain();
   request.modulus.kind = modulus_kind_from(in.modulus_method());
   if (in.modulus_time_limit_s() != 0) request.modulus_time_limit_s = in.modulus_time_limit_s();
@@ -227,6 +201,82 @@ RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
   }
   bytes = {};  // the copy is no longer needed
   return frame;
+}
+
+namespace {
+
+void map_to(const Estimate& e, const EstimateMap& map, v1::Map* out) {
+  const char* unit = map.unit ? map.unit : e.modulus.absolute ? "Pa" : "1";
+  std::visit(
+      [&](auto values) {
+        if constexpr (std::is_same_v<decltype(values), BMode Estimate::*>)
+          map_to(map.name, unit, (e.*values).grid, (e.*values).grey, out);
+        else if constexpr (std::is_same_v<decltype(values), Field ModulusEstimate::*>)
+          map_to(map.name, unit, e.grid, e.modulus.*values, out);
+        else
+          map_to(map.name, unit, e.grid, e.*values, out);
+      },
+      map.values);
+}
+
+void estimate_to(const Estimate& e, v1::EstimateSummary* out) {
+  out->set_modulus_absolute(e.modulus.absolute);
+  out->set_median_correlation(e.median_correlation);
+  out->set_quality(e.quality);
+  out->set_valid_fraction(e.valid_fraction);
+  out->set_mean_axial_strain(e.modulus.mean_axial_strain);
+  out->set_background_modulus_pa(e.modulus.background);
+  out->set_youngs_modulus_correlation_m(e.modulus.correlation_m);
+  out->set_modulus_method(message_of(kMethods, e.modulus.kind));
+  out->set_modulus_converged(e.modulus.converged);
+  out->set_modulus_model(e.modulus.model.empty() ? e.modulus.why : e.modulus.model);
+  out->set_modulus_iterations(static_cast<std::uint32_t>(e.modulus.iterations));
+  for (const std::string& warning : warnings_of(e)) out->add_warnings(warning);
+}
+
+void add_stage(v1::EstimateSummary* summary, const char* name, double s) {
+  v1::StageTime* time = summary->add_stages();
+  time->set_stage(name);
+  time->set_seconds(s);
+}
+
+void summary_to(const EstimateOutcome& outcome, const EstimateRequest& request,
+                v1::EstimateSummary* summary) {
+  const Estimate& e = outcome.estimate;
+  estimate_to(e, summary);
+  add_stage(summary, "queued", outcome.queued_s);
+  if (outcome.waited_s > 0) add_stage(summary, "waited", outcome.waited_s);
+  add_stage(summary, "displacement", e.displacement_s);
+  add_stage(summary, "strain", e.strain_s);
+  add_stage(summary, "modulus", e.modulus_s);
+  if (!outcome.published) return;
+  for (const std::string& warning : outcome.published->warnings) summary->add_warnings(warning);
+  add_stage(summary, "publish", outcome.publish_s);
+  summary->set_scene_id(request.scene->id());
+  summary->set_window_id(outcome.published->window_id);
+  summary->set_scene_version(outcome.published->version);
+  summary->set_received_to_published_s(outcome.received_to_published_s);
+}
+
+}  // namespace
+
+v1::EstimateStage stage_to(Stage stage) {
+  return message_of(kStages, stage);
+}
+
+const char* name_of(Stage stage) {
+  return std::array{"displacement", "strain", "modulus"}.at(static_cast<std::size_t>(stage));
+}
+
+bool answer_to(const EstimateOutcome& outcome, const EstimateRequest& request, std::size_t index,
+               v1::EstimateResponse* out) {
+  out->Clear();
+  if (index > request.maps.size()) return false;
+  if (index < request.maps.size())
+    map_to(outcome.estimate, *find_map(request.maps[index]), out->mutable_map()->mutable_map());
+  else
+    summary_to(outcome, request, out->mutable_summary());
+  return true;
 }
 
 }  // namespace teletact::service
