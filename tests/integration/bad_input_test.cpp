@@ -84,7 +84,7 @@ TEST_F(EstimateInput, WhatIsMissingIsAskedForByName) {
                         {"--axial-axis"});
 }
 
-TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
+TEST_F(EstimateInput, SpacingAgainstTheSamplingRateIsRefused) {
   write_file(folder_ / "mm.mha", mha("0.01925 0.234"));
   expect_one_clear_line(estimate(folder_ / "mm.mha", folder_ / "mm.mha", usual()),
                         {"millimetres", "--spacing-unit mm"});
@@ -100,7 +100,7 @@ TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
                         {"metres: give --spacing-unit m\n"});
 }
 
-TEST_F(EstimateInput, FrequenciesInMegahertzAreRefusedWithTheValueInHertz) {
+TEST_F(EstimateInput, FrequenciesInMegahertzAreRefused) {
   write_file(folder_ / "a.mha", mha("1.925e-5 0.000234"));
   for (const auto& [center, sampling, words] :
        {std::tuple{"7.3e6", "40", "--sampling-frequency-hz 40: give it in Hz; 40 MHz is 40e6"},
@@ -135,7 +135,7 @@ TEST_F(EstimateInput, OfSeveralPairsWhatDoesNotFitIsNamed) {
                         {test::kKeptOut});
 }
 
-TEST_F(EstimateInput, AnOutputFolderThatCannotBeWrittenIsSaidBeforeAnythingElse) {
+TEST_F(EstimateInput, UnwritableOutputFolderIsSaidFirst) {
   write_file(folder_ / "file", "not a folder");
   expect_one_clear_line(
       estimate("/nonexistent.mha", "/nonexistent.mha", {"--out", folder_ / "file/out", "--frame", "LAB"}),
@@ -329,7 +329,7 @@ TEST(TouchInput, WhatCannotBeIsRefusedInWords) {
 }
 
 // The script answers for itself what needs no build.
-TEST(ScriptInput, HelpAndVersionBuildNothingAndADemoOfNoTimeIsRefused) {
+TEST(ScriptInput, HelpBuildsNothingAndAnEmptyDemoIsRefused) {
   TemporaryFolder folder;
   const std::string script = test::required_environment("TELETACT_SOURCE_DIR") + "/teletact";
   const Environment nowhere{{"TELETACT_BUILD_DIR", folder / "build"}};

@@ -84,7 +84,7 @@ TEST_F(Refusals, AnOptionThatIsNoneIsNamedBeforeOneThatIsMissing) {
   expect_refused({"scenes", "--service", nowhere, "--x"}, {"--x"});
 }
 
-TEST_F(Refusals, AMistakeOnTheCommandLineEndsWithTwoAndWhatFailsWithOne) {
+TEST_F(Refusals, MistakeEndsWithTwoAndFailureWithOne) {
   for (const std::string& binary : {test::client_binary(), test::service_binary()}) {
     EXPECT_EQ(test::run({binary, "--help"}, folder / "log").code, 0) << binary;
     EXPECT_EQ(test::run({binary, "--version"}, folder / "log").code, 0) << binary;

@@ -47,7 +47,7 @@ class Watcher {
   google::protobuf::io::FileInputStream stream_;
 };
 
-TEST(Publisher, ANewcomerGetsTheHeaderAndHowTheStreamWasOpenedThenWhatHappens) {
+TEST(Publisher, NewcomerGetsTheHeaderBeforeNews) {
   Publisher publisher(socket_path("new"), header());
   v1::RecordEntry open;
   open.mutable_touch_request()->mutable_open()->set_session_id("me");

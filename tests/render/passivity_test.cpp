@@ -94,7 +94,7 @@ TEST(Passivity, AForceThatIsLateIsSeenUnderADeepPress) {
 }
 
 // A harder model under a finger that rests is paid from what was dissipated, a softer one gives back.
-TEST(Passivity, AModelThatChangesUnderAFingerChangesWhatWasDissipated) {
+TEST(Passivity, ChangedModelChangesTheDissipation) {
   PassivityController controller({});
   controller.observe({0, 0.004, 0}, {0, 0, 0}, 0, true, 0.001);
   controller.observe({0.01, 0.004, 0}, {-1, 0, 0}, 0, true, 0.001);  // 10 mJ
