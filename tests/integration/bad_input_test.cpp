@@ -204,9 +204,9 @@ TEST(AcquireInput, SlicesThatCannotBeTakenAreRefusedInWords) {
   refused({"--tissue", folder / "plane.toml", "--slices", "3"}, {"--slices 3", "[solid]"});
   refused({"--tissue", folder / "thin.toml", "--slices", "6"}, {"from z -0.0125 to 0.0125", "-0.01 to 0.01"});
   refused({"--tissue", folder / "thin.toml", "--slices", "1", "--first-slice-z-m", "0.02"}, {"z 0.02"});
-  refused({"--seed", "1", "--slices", "3", "--start-x-m", "0.01"}, {"--start-x-m", "first slice"});
-  refused({"--seed", "1", "--slices", "3", "--plane", "strain"}, {"--plane", "solid"});
-  refused({"--seed", "1", "--slices", "3", "--modulus-method", "direct"}, {"--modulus-method"});
+  refused({"--seed", "1", "--slices", "3", "--start-x-m", "0.01"}, {"--start-x-m", "--slices", "leave one"});
+  refused({"--seed", "1", "--slices", "3", "--plane", "strain"}, {"--plane", "--slices", "leave one"});
+  refused({"--seed", "1", "--slices", "3", "--modulus-method", "direct"}, {"--modulus-method", "--slices"});
   refused({"--seed", "1", "--slices", "2", "--save-modulus", folder / "a", "--save-log-std", folder / "./a"},
           {"--save-modulus", "same file"});
   for (const std::vector<std::string>& words :
