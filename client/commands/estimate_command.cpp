@@ -240,12 +240,14 @@ void add_usual_options(CLI::App& command, RecordedSetOptions& set) {
       .add_option("--frame", frames.frame,
                   "LAB: the far side rests; PROBE: the probe face rests; without it nothing is estimated")
       ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
-  command.add_option(
+  CLI::Option* force = command.add_option(
       "--force-n", set.force_n,
       "resisting force on the probe, change between pre and post, of each pair or of all; without it the "
-      "modulus is relative");
-  command.add_option("--contact-area-m2", frames.contact_area_m2,
-                     "of the probe; with the force the modulus is in Pa, without it relative");
+      "modulus is relative, with it in Pa");
+  CLI::Option* area = command.add_option("--contact-area-m2", frames.contact_area_m2,
+                                         "of the probe; without it the modulus is relative");
+  force->needs(area);
+  area->needs(force);
   command
       .add_option("--tissue-depth-m", frames.tissue_depth_m,
                   "of the fixed far side (default: the frame's depth)")
