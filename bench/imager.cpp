@@ -40,7 +40,7 @@ client::Tissue imaged_tissue() {
 
 std::vector<client::FramePair> imaged_pairs(const client::Tissue& tissue) {
   const client::Patient patient(tissue);
-  client::SimulatedSource source(patient, 1, 0, {});
+  client::SimulatedSource source(patient, 1, {});
   std::vector<client::FramePair> pairs;
   for (std::size_t k = 0; k < source.window_count(); ++k) pairs.push_back(source.take(k));
   return pairs;

@@ -7,13 +7,12 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "bench/run_suite.h"
 #include "bench/service.h"
-#include "bench/suite.h"
 #include "client/acquire/estimate_client.h"
 #include "client/acquire/frame_source.h"
 #include "client/patient/tissue.h"

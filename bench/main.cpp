@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
                "teletact-bench");
   app.set_version_flag("--version", "teletact-bench " TELETACT_VERSION);
   app.require_subcommand(1);
+  app.option_defaults()->always_capture_default();
   app.failure_message([](const CLI::App* all, const CLI::Error& error) {
     const auto unknown = all->remaining();
     return all->get_subcommands().empty() && !unknown.empty()

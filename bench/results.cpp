@@ -278,8 +278,7 @@ void add_report_command(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("report", "pages for people from the --json of suites");
   command.add_option("files", arguments->files, "results that suites wrote with --json")->required();
-  command.add_option("--out", arguments->folder, "folder for the pages, one for each suite")
-      ->capture_default_str();
+  command.add_option("--out", arguments->folder, "folder for the pages, one for each suite");
   command.callback([arguments] { report(arguments->files, arguments->folder); });
 }
 

@@ -3,7 +3,6 @@
 
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -15,7 +14,6 @@ struct DeviceFigures {
   std::string name, driver_version;
   std::size_t compute_units = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DeviceFigures, name, driver_version, compute_units)
 DeviceFigures describe(const service::DeviceInfo&);
 
 // Of one launch, from the comments of the kernels; bytes: every array once.
@@ -31,7 +29,6 @@ struct KernelFigures {
   std::string bound;
   double of_limit = 0;  // 1: at the limit
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KernelFigures, kernel, seconds, launches, bytes, flops, bound, of_limit)
 
 // The longest kernels first.
 struct KernelProfile {
@@ -39,7 +36,6 @@ struct KernelProfile {
   double bytes_s = 0, flops_s = 0;  // at most: float; arithmetic in double has half of it on processors
   std::vector<KernelFigures> kernels;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KernelProfile, device, bytes_s, flops_s, kernels)
 void print(const KernelProfile&);
 
 // A device whose ceiling was measured, by a triad and by chains of multiply-adds (bench/kernels/roofline.cl),

@@ -1,4 +1,4 @@
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 
 #include <fmt/chrono.h>
 #include <sys/utsname.h>
@@ -169,8 +169,7 @@ void add_suite(CLI::App& app, const char* name, const char* about, const char* e
   };
   add_suite(app, name, about, arguments, met, measure, draw)
       .add_option("experiment", arguments->experiment, experiments)
-      ->check(CLI::IsMember(names))
-      ->capture_default_str();
+      ->check(CLI::IsMember(names));
 }
 
 }  // namespace teletact::bench

@@ -1,17 +1,8 @@
-// What every bench suite shares: its options, the promised figures, the machine, and its JSON.
-//
-// A suite checks its answers before it times, computes structs of raw figures, and draws from those alone, so
-// that an earlier run can be drawn again from its JSON (--replot). A struct says once what it is called in
-// JSON, by NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE; NaN and infinity are null there.
+// What every part of a bench suite shares: options, promises, quantiles. Running one is run_suite.h.
 #pragma once
 
-#include <filesystem>
-#include <functional>
-#include <memory>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "client/report/promise.h"
@@ -41,15 +32,6 @@ using Promises = std::vector<client::Promise>;
 // "layer 80 mm, 0.49" -> "layer_80_mm_0_49"
 std::string snake_case(const std::string& text);
 
-// The subcommand `name` with --json, --out, --quick, --force and --replot, for options of its own to be added
-// to; it sets `met` to what `run` returns. What cannot be written, parsing throws as BenchError. `options`
-// must outlive the parsing.
-CLI::App& add_suite(CLI::App& app, const char* name, const char* about, SuiteOptions& options, bool& met,
-                    std::function<bool()> run);
-
-// Date, version of teletact, processor, cores, memory, kernel, compiler.
-nlohmann::json machine();
-
 // How far a long run is: one line of a terminal, written over again; nothing where nobody looks at one.
 void show_progress(const std::string& line);
 
@@ -57,66 +39,8 @@ struct Quantiles {
   std::size_t count = 0;
   double min = 0, p50 = 0, p95 = 0, p99 = 0, max = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Quantiles, count, min, p50, p95, p99, max)
 // Throws BenchError when there are none.
 Quantiles quantiles(std::vector<double> seconds);
-
-// Adds the suite's name, machine, whether it was quick, promises and their state, writes --json, prints the
-// promises. Returns whether all were met.
-bool finish(const std::string& suite, nlohmann::json figures, const Promises&, const SuiteOptions&);
-
-// --replot. Throws BenchError for a file that is no JSON of this suite.
-nlohmann::json earlier_figures(const std::string& suite, const SuiteOptions&);
-[[noreturn]] void throw_foreign(const std::string& suite, const SuiteOptions&);
-
-// Figures measure(Promises&), which adds what it promises, and draw(figures, folder), which is also what
-// --replot does. Returns whether all promises were met.
-template <class Measure, class Draw>
-bool run_suite(const std::string& suite, const SuiteOptions& options, Measure&& measure, Draw&& draw) {
-  using Figures = decltype(measure(std::declval<Promises&>()));
-  if (!options.replot.empty()) {
-    try {
-      draw(earlier_figures(suite, options).template get<Figures>(), std::filesystem::path(options.out));
-    } catch (const nlohmann::json::exception&) {
-      throw_foreign(suite, options);  // of another version, or changed by hand
-    }
-    return true;
-  }
-  Promises promises;
-  const Figures figures = measure(promises);
-  const bool met = finish(suite, figures, promises, options);
-  if (!options.out.empty()) draw(figures, std::filesystem::path(options.out));
-  return met;
-}
-
-// add_suite() of one that runs run_suite(): figures measure(const Options&, Promises&), draw(figures,
-// folder).
-template <class Options, class Measure, class Draw>
-CLI::App& add_suite(CLI::App& app, const char* name, const char* about,
-                    const std::shared_ptr<Options>& options, bool& met, Measure measure, Draw draw) {
-  return add_suite(app, name, about, *options, met, [=] {
-    return run_suite(
-        name, *options, [&](Promises& promises) { return measure(*options, promises); }, draw);
-  });
-}
-
-// An experiment of a suite that has several, each with figures, promises and pictures of its own.
-struct Part {
-  const char* name;
-  std::function<nlohmann::json(bool quick, Promises&)> measure;
-  std::function<void(const nlohmann::json& figures, const std::filesystem::path& folder)> draw;
-};
-template <class Figures>
-Part make_part(const char* name, Figures (*measure)(bool, Promises&),
-               void (*draw)(const Figures&, const std::filesystem::path&) = nullptr) {
-  return {name, measure, [draw](const nlohmann::json& figures, const std::filesystem::path& folder) {
-            if (draw != nullptr) draw(figures.get<Figures>(), folder);
-          }};
-}
-// add_suite() of one with several experiments: the user names one of `parts`, or "all"; `experiments` says
-// what each is.
-void add_suite(CLI::App& app, const char* name, const char* about, const char* experiments,
-               std::vector<Part> parts, bool& met);
 
 // Suites; each adds its subcommand and sets `met` when it has run.
 void add_paper_suite(CLI::App& app, bool& met);

@@ -13,16 +13,7 @@ int main(int argc, char** argv) {
   CLI::App app("teletact-client: the patient side and the operator side of teletact", "teletact-client");
   app.set_version_flag("--version", "teletact-client " TELETACT_VERSION);
   app.require_subcommand(1);
-  app.failure_message([](const CLI::App* all, const CLI::Error& error) -> std::string {
-    const auto unknown = all->remaining(true);
-    const auto commands = all->get_subcommands();
-    if (commands.empty() && !unknown.empty())
-      return "no command '" + unknown.front() + "'; --help lists them\n";
-    // It may stand for the one that is missing.
-    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError) && !unknown.empty())
-      return "no option '" + unknown.front() + "'; " + commands.front()->get_name() + " --help lists them\n";
-    return CLI::FailureMessage::simple(all, error);
-  });
+  app.failure_message(usage_message);
   add_commands(app);
   try {
     app.parse(argc, argv);

@@ -8,9 +8,9 @@
 
 namespace teletact::client {
 
-void PreparedSource::prepare(std::size_t windows, std::size_t passes, unsigned threads,
-                             const Progress& progress,
-                             const std::function<std::vector<FramePair>(std::size_t window)>& passes_of) {
+void PreparedSource::prepare(std::size_t windows, std::size_t passes, const Progress& progress,
+                             const std::function<std::vector<FramePair>(std::size_t window)>& passes_of,
+                             unsigned threads) {
   if (windows == 0) throw std::invalid_argument("the tissue is narrower than the probe");
   if (passes == 0) throw std::invalid_argument("at least one pass must be prepared");
   windows_.resize(windows);

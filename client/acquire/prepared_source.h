@@ -20,8 +20,9 @@ class PreparedSource : public FrameSource {
  protected:
   // A window's passes, on `threads` threads (0: one per processor). Throws std::invalid_argument for no
   // windows or no passes, and what `passes_of` throws.
-  void prepare(std::size_t windows, std::size_t passes, unsigned threads, const Progress& progress,
-               const std::function<std::vector<FramePair>(std::size_t window)>& passes_of);
+  void prepare(std::size_t windows, std::size_t passes, const Progress& progress,
+               const std::function<std::vector<FramePair>(std::size_t window)>& passes_of,
+               unsigned threads = 0);
 
  private:
   struct Window {

@@ -57,9 +57,6 @@ void check_options(const RecordedFrameOptions& options) {
     throw FrameInputError(
         "give --frame LAB (the far side rests, displacement largest at the top) or PROBE (the probe face "
         "rests, zero at the top)");
-  if (options.force_n.has_value() != options.contact_area_m2.has_value())
-    throw FrameInputError(options.force_n ? "give --contact-area-m2 with --force-n, or neither"
-                                          : "give --force-n with --contact-area-m2, or neither");
   if (options.probe_elevation_m > 0 && plane_of(options) != v1::PLANE_CONDITION_SOLID)
     throw FrameInputError(options.plane == v1::PLANE_CONDITION_UNSPECIFIED
                               ? "--probe-elevation-m: of solid tissue alone, and this --modulus-method is "
@@ -106,7 +103,7 @@ v1::Acquisition acquisition_of(const RecordedFrame& pre, const RecordedFrameOpti
   acquisition.set_modulus_time_limit_s(options.modulus_time_limit_s);
   if (options.force_n) {
     acquisition.mutable_probe_force()->set_force_n(*options.force_n);
-    acquisition.mutable_probe_force()->set_contact_area_m2(*options.contact_area_m2);
+    acquisition.mutable_probe_force()->set_contact_area_m2(options.contact_area_m2.value());
   }
   return acquisition;
 }

@@ -9,9 +9,9 @@ namespace teletact::client {
 
 class SimulatedSource final : public PreparedSource {
  public:
-  // Simulates floor(tissue width / probe width) windows with `passes` pairs each, on `threads` threads (0:
-  // one per processor). Throws TissueError, std::invalid_argument when no window fits or passes is 0.
-  SimulatedSource(const Patient& patient, std::size_t passes, unsigned threads, const Progress& progress);
+  // Simulates floor(tissue width / probe width) windows with `passes` pairs each, one thread per processor.
+  // Throws TissueError, std::invalid_argument when no window fits or passes is 0.
+  SimulatedSource(const Patient& patient, std::size_t passes, const Progress& progress);
 
   double window_width_m() const override { return probe_.width_m; }
   double compression_m() const override { return probe_.compression_m; }

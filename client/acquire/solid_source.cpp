@@ -32,15 +32,16 @@ double slice_window_x_m(const Tissue& tissue) {
 }
 
 SolidSource::SolidSource(const Tissue& tissue, const SlicePlaces& places, std::size_t passes,
-                         unsigned threads, const Progress& progress)
+                         const Progress& progress)
     : places_(places), compression_m_(tissue.probe.compression_m) {
   if (const std::string problem = slice_problem(tissue, places); !problem.empty()) throw TissueError(problem);
-  if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
-  prepare(places.count, passes, std::min(threads, kMaxThreads), progress, [&](std::size_t k) {
+  const auto passes_of = [&](std::size_t k) {
     const ProbeState state =
         press_solid(tissue, slice_window_x_m(tissue), compression_m_, kSpacingM, places_.z_m(k));
     return simulated_pairs(tissue, state, k, passes);
-  });
+  };
+  const unsigned threads = std::clamp(std::thread::hardware_concurrency(), 1U, kMaxThreads);
+  prepare(places.count, passes, progress, passes_of, threads);
 }
 
 }  // namespace teletact::client

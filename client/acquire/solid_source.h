@@ -30,10 +30,9 @@ class SolidSource final : public PreparedSource {
   // A solve takes half a gigabyte.
   static constexpr unsigned kMaxThreads = 4;
 
-  // Presses and images every slice, `passes` pairs each with fresh noise, on `threads` threads (0: one per
-  // processor), kMaxThreads at most. Throws TissueError.
-  SolidSource(const Tissue& tissue, const SlicePlaces& places, std::size_t passes, unsigned threads,
-              const Progress& progress);
+  // Presses and images every slice, `passes` pairs each with fresh noise, on a thread per processor,
+  // kMaxThreads at most. Throws TissueError.
+  SolidSource(const Tissue& tissue, const SlicePlaces& places, std::size_t passes, const Progress& progress);
 
   double window_width_m() const override { return places_.pitch_m; }
   double compression_m() const override { return compression_m_; }

@@ -32,7 +32,6 @@ struct AcquireArguments {
   Credentials credentials;
   std::optional<std::uint64_t> seed;
   std::size_t passes = 5;
-  unsigned threads = 0;
   bool record_rf = false, force = false;
   AcquireOptions acquire;
   // Of a solid:
@@ -160,12 +159,11 @@ std::unique_ptr<FrameSource> prepare_slices(const Tissue& tissue, const AcquireA
                "pressing the probe into the patient's tissue (%.0f x %.0f x %.0f mm, %zu inclusions)\n",
                tissue.width_m * 1e3, tissue.depth_m * 1e3, tissue.solid->elevational_width_m * 1e3,
                tissue.inclusions.size());
-  return std::make_unique<SolidSource>(tissue, places_of(arguments), arguments.passes, arguments.threads,
-                                       [&](std::size_t done, std::size_t total) {
-                                         std::fprintf(stderr,
-                                                      "simulated RF of %zu of %zu slices, %zu passes each\n",
-                                                      done, total, arguments.passes);
-                                       });
+  return std::make_unique<SolidSource>(
+      tissue, places_of(arguments), arguments.passes, [&](std::size_t done, std::size_t total) {
+        std::fprintf(stderr, "simulated RF of %zu of %zu slices, %zu passes each\n", done, total,
+                     arguments.passes);
+      });
 }
 
 std::unique_ptr<FrameSource> prepare(const Tissue& tissue, const AcquireArguments& arguments) {
@@ -174,17 +172,15 @@ std::unique_ptr<FrameSource> prepare(const Tissue& tissue, const AcquireArgument
                tissue.width_m * 1e3, tissue.depth_m * 1e3, tissue.inclusions.size());
   const Patient patient(tissue);
   return std::make_unique<SimulatedSource>(
-      patient, arguments.passes, arguments.threads, [&](std::size_t done, std::size_t total) {
+      patient, arguments.passes, [&](std::size_t done, std::size_t total) {
         std::fprintf(stderr, "simulated RF of %zu of %zu windows, %zu passes each\n", done, total,
                      arguments.passes);
       });
 }
 
 void check(const AcquireArguments& arguments) {
-  if (arguments.tissue_path.empty() == !arguments.seed)
-    throw UsageError("give either --tissue FILE or --seed N");
-  if (arguments.record_rf && arguments.record_path.empty())
-    throw UsageError("--record-rf keeps RF in the recording: give --record FILE too");
+  if (arguments.tissue_path.empty() && !arguments.seed)
+    throw UsageError("no patient is given: give --tissue FILE or --seed N");
   require_different_files({{"--tissue", arguments.tissue_path},
                            {"--save-tissue", arguments.save_tissue_path},
                            {"--record", arguments.record_path},
@@ -254,9 +250,9 @@ void run(const AcquireArguments& arguments) {
   if (arguments.slices) {
     options.slices = slices_of(arguments, tissue);
     options.planner.all = true;
-    const double pitch_m = arguments.slice_pitch_m;
-    options.start_x_m = options.start_direction > 0 ? 0 : pitch_m * static_cast<double>(*arguments.slices);
+    options.start_x_m = 0;
   }
+  options.start_direction = options.start_x_m > tissue.width_m / 2 ? -1 : 1;
   AcquireSession session(arguments.address, arguments.credentials, *source, options,
                          observe(arguments, recorder));
   const AcquireResult result = acquire(session);
@@ -277,7 +273,8 @@ void run(const AcquireArguments& arguments) {
   recorder.close(scene);
 }
 
-void add_slice_options(CLI::App& command, AcquireArguments& arguments) {
+// Returns --slices.
+CLI::Option* add_slice_options(CLI::App& command, AcquireArguments& arguments) {
   CLI::Option* slices =
       command
           .add_option(
@@ -285,10 +282,10 @@ void add_slice_options(CLI::App& command, AcquireArguments& arguments) {
               "solid tissue: so many image planes side by side, which the arm takes across the plane; "
               "without it the tissue is plane")
           ->check(CLI::Range(1, 1000));
+  command.option_defaults()->group("Slices");
   command.add_option("--slice-pitch-m", arguments.slice_pitch_m, "from one slice to the next")
       ->check(above_zero())
-      ->needs(slices)
-      ->capture_default_str();
+      ->needs(slices);
   command
       .add_option("--first-slice-z-m", arguments.first_slice_z_m,
                   "where the first one lies; without it the middle one lies at z = 0")
@@ -296,8 +293,7 @@ void add_slice_options(CLI::App& command, AcquireArguments& arguments) {
   command
       .add_flag("--unlike-model", arguments.unlike_model,
                 "--seed's patient is unlike what an estimate assumes in every way")
-      ->needs(slices)
-      ->excludes(command.get_option("--tissue"));
+      ->needs(slices, command.get_option("--seed"));
   command
       .add_option("--save-modulus", arguments.save_modulus_path,
                   "write the slices' moduli, a volume (.mha) that slices takes; without it they are not kept")
@@ -306,16 +302,50 @@ void add_slice_options(CLI::App& command, AcquireArguments& arguments) {
       .add_option("--save-log-std", arguments.save_log_std_path,
                   "the same of the standard deviations of their logarithms; without it they are not kept")
       ->needs(slices);
+  return slices;
 }
 
-// What is otherwise with slices, unless it is given; what windows alone have is refused.
+void add_estimate_options(CLI::App& command, AcquireOptions& acquire, CLI::Option* slices) {
+  command.option_defaults()->group("Estimate");
+  add_modulus_options(command, acquire.modulus_method, acquire.modulus_time_limit_s);
+  command.get_option("--modulus-method")->excludes(slices);
+  add_plane_option(command, acquire.plane, "strain");
+  command.get_option("--plane")->excludes(slices);
+}
+
+void add_window_options(CLI::App& command, AcquireArguments& arguments, CLI::Option* slices) {
+  AcquireOptions& acquire = arguments.acquire;
+  command.option_defaults()->group("Windows, and their order");
+  command
+      .add_option("--start-x-m", acquire.start_x_m,
+                  "where the finger is expected first; from there it goes to the end that is farther away")
+      ->excludes(slices);
+  command.add_option("--lookahead", acquire.planner.lookahead, "windows acquired ahead of the finger")
+      ->check(CLI::Range(1, 8));
+  command.add_option("--refresh-after-s", acquire.planner.refresh_after_s, "older windows are acquired anew")
+      ->check(above_zero());
+  command.add_option("--passes-prepared", arguments.passes, "RF pairs simulated for each window beforehand")
+      ->check(CLI::Range(1, 1000));
+}
+
+void add_recording_options(CLI::App& command, AcquireArguments& arguments) {
+  command.option_defaults()->group(kRecording);
+  command
+      .add_flag("--record-rf", arguments.record_rf,
+                "keep RF and maps too, so that replay can play them again")
+      ->needs("--record");
+  command.option_defaults()->group("For scripts");
+  command.add_option("--ready-file", arguments.ready_path,
+                     "created once the first windows can be touched; without it none is");
+  command.add_option(
+      "--spoil", arguments.spoil_path,
+      "named pipe whose lines, force or decorrelated, each spoil the next pair; without it none is");
+}
+
+// What is otherwise with slices, unless it is given.
 void prefer_slices(const CLI::App& command, AcquireArguments& arguments) {
   constexpr double kTimeLimitS = 10;
   AcquireOptions& acquire = arguments.acquire;
-  refuse_beside(command, {"--start-x-m"}, "--slices begins with the first slice");
-  refuse_beside(command, {"--modulus-method"}, "--slices has a method of its own");
-  if (command.count("--plane") > 0 && acquire.plane != v1::PLANE_CONDITION_SOLID)
-    throw UsageError("--plane: the tissue of --slices is solid; leave it out");
   if (command.count("--modulus-time-limit-s") == 0) acquire.modulus_time_limit_s = kTimeLimitS;
   if (command.count("--refresh-after-s") == 0) acquire.planner.refresh_after_s = HUGE_VAL;
 }
@@ -330,47 +360,29 @@ void add_acquire_command(CLI::App& app) {
   add_service_options(command, arguments->address, arguments->credentials);
   command.add_option("--scene", acquire.scene_id, "scene to publish into; created with the tissue's size")
       ->required();
-  command.add_option("--tissue", arguments->tissue_path,
-                     "tissue file (TOML); without it the patient is --seed's");
-  command.add_option("--seed", arguments->seed,
-                     "a random patient with hidden inclusions; without it the patient is --tissue's");
+  CLI::Option* tissue = command.add_option("--tissue", arguments->tissue_path,
+                                           "tissue file (TOML); without it the patient is --seed's");
+  command
+      .add_option("--seed", arguments->seed,
+                  "a random patient with hidden inclusions; without it the patient is --tissue's")
+      ->excludes(tissue);
   command.add_option("--save-tissue", arguments->save_tissue_path,
                      "write the tissue, the truth for report; without it it is not kept");
-  command.add_option("--passes-prepared", arguments->passes, "RF pairs simulated for each window beforehand")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
-  command.add_option("--threads", arguments->threads, "for the simulation; 0 = one per processor");
-  add_slice_options(command, *arguments);
-  command.add_option(
-      "--record", arguments->record_path,
-      "keep timings, summaries and the final scene in this file, by which watch --acquire shows them "
-      "meanwhile; without it nothing is kept");
-  add_force_option(command, arguments->force);
-  command.add_option(
-      "--spoil", arguments->spoil_path,
-      "named pipe whose lines, force or decorrelated, each spoil the next pair; without it none is");
-  command.add_flag("--record-rf", arguments->record_rf,
-                   "keep RF and maps too, so that replay can play them again");
-  command.add_option("--ready-file", arguments->ready_path,
-                     "created once the first windows can be touched; without it none is");
   command.add_flag("--until-finger-leaves", acquire.until_finger_leaves,
                    "end when the finger has come and gone");
   command
       .add_option("--duration-s", acquire.duration_s,
                   "end after so long; without it the finger's leaving or Ctrl-C ends it")
       ->check(above_zero());
-  add_modulus_options(command, acquire.modulus_method, acquire.modulus_time_limit_s);
-  add_plane_option(command, acquire.plane, "strain");
-  command.add_option("--start-x-m", acquire.start_x_m, "where the finger is expected first")
-      ->capture_default_str();
-  command.add_option("--start-direction", acquire.start_direction, "1 or -1: where it will go first")
-      ->check(CLI::IsMember({1, -1}));
-  command.add_option("--lookahead", acquire.planner.lookahead, "windows acquired ahead of the finger")
-      ->check(CLI::Range(1, 8))
-      ->capture_default_str();
-  command.add_option("--refresh-after-s", acquire.planner.refresh_after_s, "older windows are acquired anew")
-      ->check(above_zero())
-      ->capture_default_str();
+  command.add_option("--record", arguments->record_path,
+                     "keep timings, summaries and the final scene in this file; without it nothing is kept");
+  add_force_option(command, arguments->force);
+  CLI::Option* slices = add_slice_options(command, *arguments);
+  add_estimate_options(command, acquire, slices);
+  add_window_options(command, *arguments, slices);
+  add_recording_options(command, *arguments);
+  retire(command, "--threads", "start it by taskset -c 0-3 to leave it four processors");
+  retire(command, "--start-direction", "the finger is expected to go from --start-x-m to the farther end");
   command.callback([arguments, &command] {
     if (arguments->slices) prefer_slices(command, *arguments);
     run(*arguments);

@@ -82,6 +82,8 @@ void say(const std::string& line) {
 }
 
 std::vector<CLI::Option*> add_credential_options(CLI::App& command, Credentials& credentials) {
+  const std::string usual = command.option_defaults()->get_group();
+  command.option_defaults()->group(kLink);
   std::vector<CLI::Option*> added;
   for (const CredentialOption& option : credential_options(credentials))
     added.push_back(command.add_option_function<std::string>(option.flag, option.take, option.description));
@@ -89,6 +91,7 @@ std::vector<CLI::Option*> add_credential_options(CLI::App& command, Credentials&
       "--proxy", credentials.proxy,
       "connect through the proxy that the environment names (grpc_proxy, https_proxy, http_proxy); without "
       "it none is used"));
+  command.option_defaults()->group(usual);
   return added;
 }
 
@@ -121,6 +124,30 @@ void refuse_beside(const CLI::App& command, const std::vector<std::string>& opti
                    const std::string& reason) {
   for (const std::string& option : options)
     if (command.count(option) > 0) throw UsageError(option + ": " + reason + "; leave it out");
+}
+
+void retire(CLI::App& command, const std::string& option, const std::string& instead) {
+  const auto refuse = [=](const std::string&) {
+    throw UsageError(option + ": no longer an option; " + instead);
+  };
+  command.add_option_function<std::string>(option, refuse, "")->group("");
+}
+
+std::string usage_message(const CLI::App* app, const CLI::Error& error) {
+  const auto unknown = app->remaining(true);
+  const auto commands = app->get_subcommands();
+  if (commands.empty() && !unknown.empty())
+    return "no command '" + unknown.front() + "'; --help lists them\n";
+  const std::string help = commands.empty() ? "--help" : commands.front()->get_name() + " --help",
+                    kind = error.get_name();
+  // It may stand for the one that is missing.
+  if (kind == "RequiredError" && !unknown.empty())
+    return "no option '" + unknown.front() + "'; " + help + " lists them\n";
+  return std::string(error.what()) +
+         (kind == "ExcludesError"   ? "; leave one of the two out"
+          : kind == "RequiresError" ? "; give both, or neither"
+                                    : "; see " + help) +
+         "\n";
 }
 
 void add_commands(CLI::App& app) {

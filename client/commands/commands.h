@@ -38,11 +38,23 @@ void add_force_option(CLI::App& command, bool& force);
 // pipe) is written to.
 void require_new_files(const std::vector<NamedFile>& files, bool force);
 
-// Throws UsageError when one of these options was given, which `reason` makes meaningless.
+// Throws UsageError when one of these options was given, which `reason` makes meaningless. For what depends
+// on an option's value; what depends on an option being given is said by its needs() and excludes().
 void refuse_beside(const CLI::App& command, const std::vector<std::string>& options,
                    const std::string& reason);
 
-// What add_service_options() adds but --service.
+// Refuses an option of a former version, naming what is given in its place.
+void retire(CLI::App& command, const std::string& option, const std::string& instead);
+
+// One line for an error that CLI11 found on the command line, with what to do.
+std::string usage_message(const CLI::App* app, const CLI::Error& error);
+
+// Option groups that several commands have, as --help shows them. An option in none of a command's groups is
+// among its usual ones, which stand first.
+inline constexpr const char* kLink = "Link to the service";
+inline constexpr const char* kRecording = "Recording";
+
+// What add_service_options() adds but --service: the group kLink.
 std::vector<CLI::Option*> add_credential_options(CLI::App& command, Credentials& credentials);
 // --service, and the files by which it and this client know each other.
 void add_service_options(CLI::App& command, std::string& address, Credentials& credentials);

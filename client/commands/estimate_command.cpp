@@ -221,7 +221,8 @@ void run(const EstimateArguments& arguments) {
     run_set(client, channel, set, arguments.out);
 }
 
-void add_file_options(CLI::App& command, RecordedSetOptions& set) {
+// Those that every pair of frames needs, and what it must say for a modulus in Pa.
+void add_usual_options(CLI::App& command, RecordedSetOptions& set) {
   RecordedFrameOptions& frames = set.common;
   command
       .add_option(
@@ -232,6 +233,34 @@ void add_file_options(CLI::App& command, RecordedSetOptions& set) {
       .add_option("--post", set.post,
                   "frame after compression; several, of one place: what each pair says is joined")
       ->required();
+  command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
+  command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz,
+                     "of the RF; without it .mha and .mat are refused, a .uff file's z_axis says it");
+  command
+      .add_option("--frame", frames.frame,
+                  "LAB: the far side rests; PROBE: the probe face rests; without it nothing is estimated")
+      ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
+  CLI::Option* force = command.add_option(
+      "--force-n", set.force_n,
+      "resisting force on the probe, change between pre and post, of each pair or of all; without it the "
+      "modulus is relative, with it in Pa");
+  CLI::Option* area = command.add_option("--contact-area-m2", frames.contact_area_m2,
+                                         "of the probe; without it the modulus is relative");
+  force->needs(area);
+  area->needs(force);
+  command
+      .add_option("--tissue-depth-m", frames.tissue_depth_m,
+                  "of the fixed far side (default: the frame's depth)")
+      ->check(above_zero());
+  command
+      .add_option("--tissue-width-m", frames.tissue_width_m,
+                  "of the tissue that the probe stands on the middle of (default: the frame's width)")
+      ->check(above_zero());
+}
+
+void add_file_options(CLI::App& command, RecordedSetOptions& set) {
+  RecordedFrameOptions& frames = set.common;
+  command.option_defaults()->group("Files, and what they do not say");
   command.add_option("--z-m", set.z_m,
                      "where each pair's image plane lies across the image: planes become one volume");
   command.add_option("--variable", frames.variable,
@@ -248,50 +277,19 @@ void add_file_options(CLI::App& command, RecordedSetOptions& set) {
   command.add_option("--post-frame", set.post_frame,
                      "of a file with several frames: which, from 0; without it such a file is refused");
   command.add_option("--spacing-unit", frames.spacing_unit, ".mha: unit of the header's spacing and offset")
-      ->check(CLI::IsMember({"m", "mm"}))
-      ->capture_default_str();
-}
-
-}  // namespace
-
-void add_estimate_command(CLI::App& app) {
-  const auto arguments = std::make_shared<EstimateArguments>();
-  RecordedFrameOptions& frames = arguments->set.common;
-  CLI::App& command =
-      *app.add_subcommand("estimate", "recorded RF frames -> displacement, strain, modulus on disk");
-  add_service_options(command, arguments->address, arguments->credentials);
-  add_file_options(command, arguments->set);
-  command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
-  command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz,
-                     "of the RF; without it .mha and .mat are refused, a .uff file's z_axis says it");
-  command.add_option("--modulation-frequency-hz", frames.modulation_frequency_hz,
-                     ".uff: of complex data, 0 where they were made of RF (default: the file's)");
+      ->check(CLI::IsMember({"m", "mm"}));
+  command.add_option("--line-pitch-m", frames.line_pitch_m, "distance of two A-lines (default: the file's)");
   command.add_option("--sound-speed-m-s", frames.sound_speed_m_s,
                      "in the tissue, m/s (default: the .uff file's, or 1540)");
-  command.add_option("--line-pitch-m", frames.line_pitch_m, "distance of two A-lines (default: the file's)");
-  command
-      .add_option("--frame", frames.frame,
-                  "LAB: the far side rests; PROBE: the probe face rests; without it nothing is estimated")
-      ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
-  command.add_option(
-      "--force-n", arguments->set.force_n,
-      "resisting force on the probe, change between pre and post, of each pair or of all; without it the "
-      "modulus is relative");
-  command.add_option("--contact-area-m2", frames.contact_area_m2,
-                     "of the probe; with the force the modulus is in Pa, without it relative");
-  command
-      .add_option("--max-strain", frames.max_strain, "largest strain magnitude to search for, 0.001 to 0.125")
-      ->capture_default_str();
-  command.add_option("--poisson-ratio", frames.poisson_ratio, "above 0, at most 0.49999")
-      ->capture_default_str();
-  command
-      .add_option("--tissue-depth-m", frames.tissue_depth_m,
-                  "of the fixed far side (default: the frame's depth)")
-      ->check(above_zero());
-  command
-      .add_option("--tissue-width-m", frames.tissue_width_m,
-                  "of the tissue that the probe stands on the middle of (default: the frame's width)")
-      ->check(above_zero());
+  command.add_option("--modulation-frequency-hz", frames.modulation_frequency_hz,
+                     ".uff: of complex data, 0 where they were made of RF (default: the file's)");
+}
+
+void add_method_options(CLI::App& command, RecordedFrameOptions& frames) {
+  command.option_defaults()->group("Estimate");
+  command.add_option("--max-strain", frames.max_strain,
+                     "largest strain magnitude to search for, 0.001 to 0.125");
+  command.add_option("--poisson-ratio", frames.poisson_ratio, "above 0, at most 0.49999");
   add_modulus_options(command, frames.modulus_method, frames.modulus_time_limit_s);
   add_plane_option(command, frames.plane,
                    "solid; strain with --modulus-method reference-stress, direct or iterative");
@@ -300,7 +298,19 @@ void add_estimate_command(CLI::App& app) {
                   "of solid tissue: length of the probe's face across the image plane (default: by the "
                   "contact area, or fitted)")
       ->check(above_zero());
+}
+
+}  // namespace
+
+void add_estimate_command(CLI::App& app) {
+  const auto arguments = std::make_shared<EstimateArguments>();
+  CLI::App& command =
+      *app.add_subcommand("estimate", "recorded RF frames -> displacement, strain, modulus on disk");
+  add_service_options(command, arguments->address, arguments->credentials);
+  add_usual_options(command, arguments->set);
   command.add_option("--out", arguments->out, "folder for the results")->required();
+  add_file_options(command, arguments->set);
+  add_method_options(command, arguments->set.common);
   command.callback([arguments] { run(*arguments); });
 }
 

@@ -259,11 +259,11 @@ void run(const ExperimentArguments& arguments, const CLI::App& command) {
 
 void add_experiment_command(CLI::App& app) {
   const auto arguments = std::make_shared<ExperimentArguments>();
-  CLI::App& command = *app.add_subcommand(
-      "experiment",
-      "psychophysics by constant stimuli: \"is the second harder?\", with perfect stiffness (nothing between "
-      "the stated stimulus and the observer), by a person at a device through the whole chain (--renderer), "
-      "or of tissue on a service (--service); prints Weibull fits and the Weber fraction");
+  CLI::App& command =
+      *app.add_subcommand("experiment",
+                          "psychophysics by constant stimuli, \"is the second harder?\": of springs or of "
+                          "tissue on a service, to "
+                          "a simulated observer or a person; prints Weibull fits and the Weber fraction");
   add_experiment_options(command, *arguments);
   command.callback([arguments, &command] { run(*arguments, command); });
 }

@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct PatientOptions {
-  std::string tissue_file, write_tissue_file, out, frame = "PROBE";
+  std::string tissue_file, save_tissue_file, out, frame = "PROBE";
   std::int64_t seed = 1;  // as TOML holds it
   bool seed_given = false, unlike_model = false, windows_given = false;
   std::vector<std::string> windows{"all"};
@@ -204,7 +204,7 @@ void run_patient(const PatientOptions& options) {
     const Tissue tissue = tissue_for(options);
     const auto windows = windows_of(options, tissue);
     const HeldFolder held(options.out);
-    if (!options.write_tissue_file.empty()) write_tissue(options.write_tissue_file, tissue);
+    if (!options.save_tissue_file.empty()) write_tissue(options.save_tissue_file, tissue);
     const Pressed patient(tissue);
     nlohmann::json truth = description(tissue, options.frame);
     const RfFrame frame = options.frame == "LAB" ? RfFrame::kLab : RfFrame::kProbe;
@@ -222,25 +222,26 @@ void run_patient(const PatientOptions& options) {
 
 void add_patient_command(CLI::App& app) {
   auto options = std::make_shared<PatientOptions>();
-  CLI::App* command = app.add_subcommand("patient", "Simulate RF pairs of a tissue, with their truth");
+  CLI::App* command = app.add_subcommand("patient", "simulated RF pairs of a tissue, with their truth");
   CLI::Option* file = command->add_option("--tissue", options->tissue_file,
-                                          "Tissue file (TOML); without it a random patient");
+                                          "tissue file (TOML); without it a random patient");
   command
       ->add_flag("--unlike-model", options->unlike_model,
-                 "A solid that is unlike what an estimate assumes in every way, drawn by --seed")
+                 "a solid that is unlike what an estimate assumes in every way, drawn by --seed")
       ->excludes(file);
-  command->add_option("--seed", options->seed, "Random patient, or fresh scatterers and noise for --tissue")
+  command->add_option("--seed", options->seed, "random patient, or fresh scatterers and noise for --tissue")
       ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max()));
-  command->add_option("--write-tissue", options->write_tissue_file,
-                      "Also write the tissue as a file; without it it is not kept");
+  command->add_option("--save-tissue", options->save_tissue_file,
+                      "write the tissue as a file; without it it is not kept");
   command
       ->add_option("--window-x-m", options->windows,
-                   "Left borders of the windows (m), or all; of a solid the middle unless given")
+                   "left borders of the windows (m), or all; of a solid the middle unless given")
       ->expected(1, 64);
-  command->add_option("--frame", options->frame, "Frame of the displacement")
+  command->add_option("--frame", options->frame, "frame of the displacement")
       ->transform(CLI::IsMember({"PROBE", "LAB"}, CLI::ignore_case));
-  command->add_option("--out", options->out, "Folder for the .mha pairs, truth maps and truth.json")
+  command->add_option("--out", options->out, "folder for the .mha pairs, truth maps and truth.json")
       ->required();
+  retire(*command, "--write-tissue", "give --save-tissue");
   command->callback([options, command] {
     options->seed_given = command->count("--seed") > 0;
     options->windows_given = command->count("--window-x-m") > 0;

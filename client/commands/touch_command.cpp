@@ -14,8 +14,8 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands/commands.h"
+#include "client/commands/device_options.h"
 #include "client/commands/touch_summary.h"
-#include "client/commands/workspace_options.h"
 #include "client/files/different_files.h"
 #include "client/render/renderers.h"
 #include "client/servo/ending.h"
@@ -45,7 +45,6 @@ struct TouchArguments {
   std::string scene_id, session_id;
   double layer_depth_m = 0;
   double period_s = 0.002;
-  unsigned credit = Pacing::kMax;
 };
 
 constexpr double kToleratedN = 0.005;  // less is hardly felt
@@ -83,7 +82,7 @@ v1::TouchOpen to_open(const TouchArguments& arguments) {
     open.mutable_tactile()->set_taxels_z(arguments.taxels);
     open.mutable_tactile()->set_pitch_m(arguments.taxel_pitch_m);
   }
-  open.set_credit(arguments.credit);
+  open.set_credit(Pacing::kMax);
   open.set_period_s(arguments.period_s);
   open.set_session_id(arguments.session_id);
   return open;
@@ -93,33 +92,6 @@ v1::TouchOpen to_open(const TouchArguments& arguments) {
 std::string played_recording(const std::string& device) {
   const std::string kind = "replay:";
   return device.rfind(kind, 0) == 0 ? device.substr(kind.size()) : "";
-}
-
-// What only a hand that is simulated has.
-const std::vector<std::string> kHandOptions = {"--indentation-m",
-                                               "--speed-m-s",
-                                               "--begin-m",
-                                               "--end-m",
-                                               "--along",
-                                               "--across-m",
-                                               "--circle-radius-m",
-                                               "--hand-mass-kg",
-                                               "--hand-damping-n-s-m",
-                                               "--hand-stiffness-n-m",
-                                               "--passes"};
-
-void refuse_what_the_device_ignores(const CLI::App& command, const std::string& device) {
-  const auto alone = [&](const std::vector<std::string>& options, const std::string& reason) {
-    refuse_beside(command, options, "--device " + device + " " + reason);
-  };
-  if (is_real(device)) {
-    alone(kHandOptions, "is moved by a person");
-    alone({"--profile"}, "states its own limits");
-    return;
-  }
-  alone({"--start-x-m"}, "begins where its motion does");
-  alone(kWorkspaceOptions, "is moved by no hand, and has the scene's own axes and size");
-  if (!played_recording(device).empty()) alone(kHandOptions, "moves as it was recorded");
 }
 
 [[noreturn]] void throw_not_writable(const std::string& json_path) {
@@ -149,8 +121,7 @@ void require_tip(const char* option, double length_m) {
 }
 
 void run(TouchArguments arguments, const CLI::App& command) {
-  refuse_what_the_device_ignores(command, arguments.session.device);
-  require_workspace(arguments.session.workspace);
+  require_device_options(command, arguments.session.device, arguments.session.workspace);
   require_tip("--tip-radius-m", arguments.tip_radius_m);
   require_tip("--tip-half-width-m", arguments.tip_half_width_m);
   require_different_files({{"--device replay", played_recording(arguments.session.device)},
@@ -195,10 +166,7 @@ void run(TouchArguments arguments, const CLI::App& command) {
 }
 
 void add_tip_options(CLI::App& command, TouchArguments& arguments) {
-  command
-      .add_option("--tip", arguments.tip,
-                  "fingertip: rounded, punch, node; pad or sphere (solid tissue alone)")
-      ->check(CLI::IsMember(kTips));
+  command.option_defaults()->group("What is touched");
   command
       .add_option("--tip-radius-m", arguments.tip_radius_m,
                   "radius of the tip, or of a punch's edges, 0.0001 to 0.014")
@@ -215,15 +183,10 @@ void add_tip_options(CLI::App& command, TouchArguments& arguments) {
       .add_option("--pad-modulus-pa", arguments.pad_modulus_pa, "Young's modulus of a pad's elastic layer")
       ->check(above_zero())
       ->default_str("20000");
-  command.add_option("--tip-footprint-m", arguments.tip_footprint_m,
-                     "node: Gaussian footprint; 0 = one node, as in the paper: lateral force jumps at nodes");
-  command.add_flag("--pressure", arguments.pressure,
-                   "have the nodal pressures sent, too, for the recording: twice the bytes");
-  command
-      .add_option("--tolerance", arguments.tolerance,
-                  "what the model may put a force off by, over it: answers beyond that, and beyond 5 mN, are "
-                  "DEGRADED; of round tips on solids")
-      ->check(CLI::Range(0.0, 1.0));
+  command.add_option(
+      "--tip-footprint-m", arguments.tip_footprint_m,
+      "of a node: Gaussian footprint; 0: one node, as in the paper: lateral force jumps at nodes");
+  command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
   CLI::Option* tactile = command.add_flag(
       "--tactile", arguments.tactile,
       "have tactile images sent, too: they are shown here and recorded; of solid tissue what a lump adds is "
@@ -234,9 +197,23 @@ void add_tip_options(CLI::App& command, TouchArguments& arguments) {
   command.add_option("--taxel-pitch-m", arguments.taxel_pitch_m, "of a tactile image, 0.0005 to 0.01")
       ->check(above_zero())
       ->needs(tactile);
-  command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
-  command.add_option("--layer-depth-m", arguments.layer_depth_m,
-                     "depth of the touched layer, 0 = the surface");
+}
+
+void add_rendering_options(CLI::App& command, TouchArguments& arguments) {
+  command.option_defaults()->group("Rendering");
+  command
+      .add_option(
+          "--renderer", arguments.session.renderer,
+          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman), "
+          "kalman, kalman-force, interpolate or hold")
+      ->check(CLI::IsMember(renderer_names()));
+  command
+      .add_option(
+          "--tolerance", arguments.tolerance,
+          "what the model may put a force off by, over it: answers beyond that, and beyond 5 mN, are "
+          "DEGRADED; of round tips on solids; without it answers are as the service finds good enough")
+      ->check(CLI::Range(0.0, 1.0))
+      ->default_str("");
   command
       .add_option(
           "--path", arguments.path,
@@ -245,8 +222,30 @@ void add_tip_options(CLI::App& command, TouchArguments& arguments) {
       ->check(CLI::IsMember(kPaths));
 }
 
+void add_link_options(CLI::App& command, TouchArguments& arguments) {
+  command.option_defaults()->group(kLink);
+  command.add_option("--period-s", arguments.period_s, "wish between answers")->check(CLI::Range(0.001, 1.0));
+  command.add_option(
+      "--session", arguments.session_id,
+      "name of this touch for others: one touch of a scene steers its probe (default: random)");
+  command.add_option("--hand-over-to", arguments.session.hand_over_to,
+                     "session that steers from when h is pressed here on; without it nobody");
+}
+
+void add_recording_options(CLI::App& command, TouchArguments& arguments) {
+  command.option_defaults()->group(kRecording);
+  command.add_option("--json", arguments.json_path,
+                     "write the summary to this file too; without it it is only printed");
+  command.add_flag("--pressure", arguments.pressure,
+                   "have the nodal pressures sent, too, for the recording: twice the bytes");
+}
+
 void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {
-  command.add_option("--indentation-m", session.hand.indentation_m, "mean indentation of the hand")
+  command.option_defaults()->group(kSimulatedDevice);
+  command.add_option("--profile", session.profile,
+                     "its limits, also of a replayed one: premium-1.5, premium-3.0, omni or touch");
+  command.add_option("--passes", session.passes, "end after so many sweeps; 0: no such end");
+  command.add_option("--indentation-m", session.hand.indentation_m, "mean indentation")
       ->check(CLI::Range(1e-4, 0.05));
   command.add_option("--speed-m-s", session.hand.speed_m_s, "of the sweep")->check(CLI::Range(0.001, 0.5));
   command.add_option("--begin-m", session.begin_m,
@@ -264,18 +263,38 @@ void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {
       .add_option("--circle-radius-m", session.hand.circle_radius_m,
                   "go in circles about a point that sweeps on by so much in each turn; 0: straight")
       ->check(CLI::Range(0.0, 0.05));
-  command.add_option("--hand-mass-kg", session.hand.mass_kg, "of the simulated hand")
-      ->check(CLI::Range(0.01, 0.2));
-  command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m, "of the simulated hand")
+  command.add_option("--hand-mass-kg", session.hand.mass_kg, "of the hand")->check(CLI::Range(0.01, 0.2));
+  command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m, "of the hand")
       ->check(CLI::Range(2.0, 10.0));
-  command.add_option("--hand-stiffness-n-m", session.hand.stiffness_n_m, "of the simulated hand")
+  command.add_option("--hand-stiffness-n-m", session.hand.stiffness_n_m, "of the hand")
       ->check(CLI::Range(200.0, 1000.0));
-  command.add_option("--passes", session.passes, "end after so many sweeps; 0: no such end");
+}
+
+// Those that most sessions have.
+void add_usual_options(CLI::App& command, TouchArguments& arguments) {
+  OperatorSessionOptions& session = arguments.session;
+  command.add_option("--scene", arguments.scene_id, "scene to touch")->required();
+  command.add_option("--device", session.device,
+                     "haptic device: simulated, simulated-position, plugin:FILE[,SETTINGS], "
+                     "inverse3[:ws://HOST:PORT], replay:RECORDING");
+  add_device_settings(command);
+  command
+      .add_option("--tip", arguments.tip,
+                  "fingertip: rounded, punch, node; pad or sphere (solid tissue alone)")
+      ->check(CLI::IsMember(kTips));
+  command.add_option("--layer-depth-m", arguments.layer_depth_m,
+                     "depth of the touched layer, 0 = the surface");
+  command
+      .add_option("--wait-s", session.wait_s, "wait so long for the service, the scene and its first window")
+      ->check(zero_or_more());
   command
       .add_option("--duration-s", session.duration_s,
                   "end after so long with force on; an outage of over 5 s counts too. 0: no such end. "
-                  "With neither it goes on until Ctrl-C")
+                  "Without an end it goes on until Ctrl-C")
       ->check(zero_or_more());
+  command.add_option("--record", session.record_path,
+                     "keep poses, answers and every servo tick in this file; without it nothing is kept");
+  add_force_option(command, arguments.force);
 }
 
 }  // namespace
@@ -285,44 +304,17 @@ void add_touch_command(CLI::App& app) {
   OperatorSessionOptions& session = arguments->session;
   CLI::App& command = *app.add_subcommand("touch", "operator side: feel a scene of a running service");
   add_service_options(command, session.address, session.credentials);
-  command.add_option("--scene", arguments->scene_id, "scene to touch")->required();
-  command.add_option("--device", session.device,
-                     "haptic device: simulated, simulated-position, plugin:FILE[,SETTINGS], "
-                     "inverse3[:ws://HOST:PORT], "
-                     "replay:RECORDING");
-  command.add_option("--profile", session.profile,
-                     "of a simulated or replayed device: premium-1.5, premium-3.0, omni or touch");
-  command
-      .add_option(
-          "--renderer", session.renderer,
-          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman) or "
-          "kalman, the filter of answers")
-      ->check(CLI::IsMember(renderer_names()));
-  command.add_option(
-      "--record", session.record_path,
-      "keep poses, answers and every servo tick in this file, by which watch --session shows them meanwhile; "
-      "without it nothing is kept");
-  command.add_option("--json", arguments->json_path,
-                     "write the summary to this file too; without it it is only printed");
-  add_force_option(command, arguments->force);
-  command.add_option("--start-x-m", session.start_x_m,
-                     "where on the tissue a real device begins (default: amid what is covered)");
+  add_usual_options(command, *arguments);
+  add_tip_options(command, *arguments);
+  add_rendering_options(command, *arguments);
   add_workspace_options(command, session.workspace);
   add_scale_options(command, session.workspace);
-  command.add_option(
-      "--session", arguments->session_id,
-      "name of this touch for others: one touch of a scene steers its probe (default: random)");
-  command.add_option("--hand-over-to", session.hand_over_to,
-                     "session that steers from when h is pressed here on; without it nobody");
-  command.add_option("--period-s", arguments->period_s, "wish between answers")
-      ->check(CLI::Range(0.001, 1.0));
-  command.add_option("--credit", arguments->credit, "most answers in flight; the link says how many are")
-      ->check(CLI::Range(1U, Pacing::kMax));
-  command
-      .add_option("--wait-s", session.wait_s, "wait so long for the service, the scene and its first window")
-      ->check(zero_or_more());
-  add_tip_options(command, *arguments);
+  command.add_option("--start-x-m", session.start_x_m,
+                     "where on the tissue it begins (default: amid what is covered)");
   add_hand_options(command, session);
+  add_link_options(command, *arguments);
+  add_recording_options(command, *arguments);
+  retire(command, "--credit", "the link finds how many answers are in flight; --period-s asks for fewer");
   command.footer(
       "The summary's words: a stall is the hand held for more than 1 ms at the border of what is covered; "
       "force\n"

@@ -61,10 +61,8 @@ void say_waiting(const std::string& command, const std::string& path) {
 }
 
 void run(const WatchArguments& arguments) {
-  if (arguments.session.empty() == arguments.recordings.empty())
+  if (arguments.session.empty() && arguments.recordings.empty())
     throw UsageError("give --session FILE, which a touch --record writes, or --recording FILE");
-  if (!arguments.recordings.empty() && !(arguments.acquire + arguments.faults).empty())
-    throw UsageError("--recording: it is over; leave --acquire and --faults out");
   say_waiting("touch", arguments.session);
   say_waiting("acquire", arguments.acquire);
   const std::atomic<bool>& end = end_in_order();
@@ -95,19 +93,26 @@ void add_watch_command(CLI::App& app) {
   const auto arguments = std::make_shared<WatchArguments>();
   CLI::App& command = *app.add_subcommand(
       "watch", "operator side: a live page of a session, or of a recording, for a browser here");
-  command.add_option("--session", arguments->session,
-                     "the file that touch --record writes; without it a recording is played");
-  command.add_option("--acquire", arguments->acquire,
-                     "the file that acquire --record writes; without it no windows are seen");
-  command.add_option("--recording", arguments->recordings,
-                     "play recordings instead: touch --record, and with it acquire --record");
+  CLI::Option* session = command.add_option("--session", arguments->session,
+                                            "the file that touch --record writes; without it a recording is played");
+  command
+      .add_option("--acquire", arguments->acquire,
+                  "the file that acquire --record writes; without it no windows are seen")
+      ->needs(session);
+  command
+      .add_option("--faults", arguments->faults,
+                  "named pipe that takes the page's faults, a word a line; without "
+                  "it there are none")
+      ->needs(session);
+  command
+      .add_option("--recording", arguments->recordings,
+                  "play recordings instead: touch --record, and with it acquire --record")
+      ->excludes(session);
   command.add_option("--service", arguments->address, "where maps come from (default: the session's)")
       ->check(address_problem);
-  add_credential_options(command, arguments->credentials);
   command.add_option("--scene", arguments->scene_id, "whose maps (default: the session's)");
   command.add_option("--port", arguments->port, "of 127.0.0.1; 0: a free one")->check(CLI::Range(0U, 65535U));
-  command.add_option("--faults", arguments->faults,
-                     "named pipe that takes the page's faults, a word a line; without it there are none");
+  add_credential_options(command, arguments->credentials);
   command.callback([arguments] { run(*arguments); });
 }
 

@@ -75,7 +75,7 @@ TEST_F(FingerWatchTest, AStreamThatSaysNothingIsOpenedAgainElsewhere) {
   EXPECT_GE(proxy.connections(), 2u);
 }
 
-TEST_F(FingerWatchTest, AStateThatIsRepeatedDoesNotTakeThePositionBack) {
+TEST_F(FingerWatchTest, RepeatedStateKeepsThePosition) {
   server.palpation.set_finger(true, 0.03, 0.5);
   FingerWatch watch(server.address(), {}, "s");
   ASSERT_LT(seconds_until([&] { return watch.motion(monotonic_ns()).x_m >= 0.0799; }, 5), 5);

@@ -116,7 +116,7 @@ TEST_F(RecordedRf, ThatIsRfIsTakenWithoutAWord) {
   EXPECT_EQ(read(sequence<std::int16_t>(rf(), "")).acquisition.dtype(), v1::DATA_TYPE_INT16);
 }
 
-TEST_F(RecordedRf, WhatDoesNotOscillateIsRefusedWhateverTheHeaderSays) {
+TEST_F(RecordedRf, SamplesWithoutOscillationAreRefused) {
   for (const auto& samples : {envelope(), picture(), interleaved_iq(), in_phase()})
     for (const char* kind : {"", "UltrasoundImageType = RF_REAL\n", "UltrasoundImageType = BRIGHTNESS\n"}) {
       const std::string message = refusal(sequence(samples, kind));

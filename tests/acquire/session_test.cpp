@@ -42,7 +42,7 @@ class NumberedFrames final : public FrameSource {
   std::vector<std::size_t> left_;
 };
 
-TEST(EstimateClient, SendsBothFramesWholeInChunksOfAtMostOneMebibyte) {
+TEST(EstimateClient, SendsBothFramesInChunksOfOneMebibyte) {
   test::FakeServer server;
   NumberedFrames frames(1, 1);
   const FramePair pair = frames.take(0);
@@ -58,7 +58,7 @@ TEST(EstimateClient, SendsBothFramesWholeInChunksOfAtMostOneMebibyte) {
   EXPECT_EQ(outcome.attempts, 1u);
 }
 
-TEST(EstimateClient, TriesAgainWhileTheServiceIsUnavailableAndOnlyThen) {
+TEST(EstimateClient, TriesAgainOnlyWhileUnavailable) {
   test::FakeServer server;
   NumberedFrames frames(1, 1);
   const FramePair pair = frames.take(0);
@@ -141,7 +141,7 @@ AcquireOptions session_options() {
   return options;
 }
 
-TEST(AcquireSession, PublishesTheStartThenWhatLiesAheadOfTheFingerAndEndsWhenItLeaves) {
+TEST(AcquireSession, PublishesAheadOfTheFingerUntilItLeaves) {
   test::FakeServer server;
   server.create_scene("s");
   NumberedFrames frames(5, 1);

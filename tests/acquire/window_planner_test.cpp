@@ -36,7 +36,7 @@ TEST(WindowPlanner, TakesTheFingersOwnWindowFirstThenThoseAhead) {
   EXPECT_FALSE(planner.next(finger, windows, 0.5));  // what lies behind is not asked for
 }
 
-TEST(WindowPlanner, FollowsTheDirectionOfMotionAndKeepsItWhileTheFingerRests) {
+TEST(WindowPlanner, KeepsTheDirectionWhileTheFingerRests) {
   WindowPlanner planner(five_windows(), 0.15, +1);
   auto windows = unknown(5);
   windows[2].acquired_s = 0.0;
@@ -46,7 +46,7 @@ TEST(WindowPlanner, FollowsTheDirectionOfMotionAndKeepsItWhileTheFingerRests) {
   EXPECT_EQ(planner.next({true, 0.15, 0.12}, windows, 0.0), 3u);
 }
 
-TEST(WindowPlanner, PreparesTheStartBeforeAnybodyTouchesAndThenWaits) {
+TEST(WindowPlanner, PreparesTheStartAndWaitsForAFinger) {
   WindowPlanner planner(five_windows(), 0.03, +1);
   auto windows = unknown(5);
   for (std::size_t expected : {0u, 1u, 2u}) {
@@ -179,7 +179,7 @@ Sweep sweep(double compute_s, std::size_t lookahead, double round_trip_s = 0) {
   return result;
 }
 
-TEST(WindowPlanner, ArmAndPlannerStayAheadOfAFingerAt120MillimetresPerSecond) {
+TEST(WindowPlanner, StaysAheadOfAFingerAt120MillimetresPerSecond) {
   const Sweep run = sweep(0.45, 2);
   EXPECT_FALSE(run.arrived_at_unknown);
   EXPECT_GE(run.min_slack_s, 0.0);

@@ -19,7 +19,7 @@ TEST(Planner, TakesSharesWhereTheyAreGoodEnough) {
   EXPECT_FALSE(Planner().takes_shares(NAN, kBegin));
 }
 
-TEST(Planner, LeavesSharesAtOnceAndComesBackAfterASecondOfHalfTheTolerance) {
+TEST(Planner, ReturnsToSharesAfterASecondOfHalfTheTolerance) {
   Planner planner;
   EXPECT_TRUE(planner.takes_shares(0.4, kBegin));
   EXPECT_FALSE(planner.takes_shares(1.2, kBegin + milliseconds(1)));

@@ -53,7 +53,7 @@ TEST(InverseStrain, KeepsOnlyPartOfTheContrast) {
   EXPECT_LT(q.contrast, 4);  // (5 + 1) / 2 in plane strain
 }
 
-TEST(PatchForward, AHomogeneousBlockUnderAWholePlateAnswersAsItsForceSays) {
+TEST(PatchForward, HomogeneousBlockAnswersAsItsForceSays) {
   PatchForward forward({kWindowM, kDepthM, 0, 0.3}, kWindowM, kDepthM);
   const auto count = static_cast<Eigen::Index>(forward.patches());
   const auto soft = forward.respond(Eigen::VectorXd::Constant(count, 1.0));

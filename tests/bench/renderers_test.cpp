@@ -25,7 +25,7 @@ ForceSample pressed(double force_n, double time_s) {
   return sample;
 }
 
-TEST(InterpolatingRenderer, GivenTwoAnswersWhenTheNextPeriodPassesThenTheForceIsOnTheLineBetweenThem) {
+TEST(InterpolatingRenderer, ForceGoesStraightBetweenAnswers) {
   InterpolatingRenderer renderer;
   renderer.update(pressed(1.0, 0), kTool, 0.00);
   renderer.update(pressed(1.0, 0.02), kTool, 0.02);
@@ -39,7 +39,7 @@ TEST(InterpolatingRenderer, GivenTwoAnswersWhenTheNextPeriodPassesThenTheForceIs
   }
 }
 
-TEST(InterpolatingRenderer, GivenARampWhenItIsSweptThenTheForceIsOnePeriodOld) {
+TEST(InterpolatingRenderer, ForceOnARampIsOnePeriodOld) {
   InterpolatingRenderer renderer;
   constexpr double kPeriodS = 0.02, kSlopeNS = 3;
   for (int n = 0; n < 500; ++n) {
@@ -50,7 +50,7 @@ TEST(InterpolatingRenderer, GivenARampWhenItIsSweptThenTheForceIsOnePeriodOld) {
   }
 }
 
-TEST(InterpolatingRenderer, GivenAnAnswerBeforeTheLastWasReachedWhenItArrivesThenTheForceDoesNotStep) {
+TEST(InterpolatingRenderer, EarlyAnswerDoesNotStepTheForce) {
   InterpolatingRenderer renderer;
   renderer.update(pressed(1, 0), kTool, 0);
   renderer.update(pressed(3, 0.02), kTool, 0.02);
@@ -59,7 +59,7 @@ TEST(InterpolatingRenderer, GivenAnAnswerBeforeTheLastWasReachedWhenItArrivesThe
   EXPECT_NEAR(renderer.render(kTool, 0.03).force_n.y(), before_n, 1e-12);
 }
 
-TEST(InterpolatingRenderer, GivenLostContactWhenAPeriodHasPassedThenTheForceIsZero) {
+TEST(InterpolatingRenderer, LostContactIsZeroAfterAPeriod) {
   InterpolatingRenderer renderer;
   renderer.update(pressed(1, 0), kTool, 0);
   renderer.update({}, kTool, 0.02);

@@ -13,7 +13,7 @@
 namespace teletact::bench {
 namespace {
 
-TEST(Plant, GivenAReleasedMassWhenItSwingsThenItFollowsTheClosedForm) {
+TEST(Plant, ReleasedMassSwingsByTheClosedForm) {
   PlantOptions options{
       .mass_kg = 0.2, .damping_n_s_m = 0.3, .hand_stiffness_n_m = 500, .hand_damping_n_s_m = 2};
   Plant plant(options, {0.01, -0.004, 0});
@@ -24,7 +24,7 @@ TEST(Plant, GivenAReleasedMassWhenItSwingsThenItFollowsTheClosedForm) {
   EXPECT_NEAR(plant.position_m().y(), -0.004 * shape, 1e-9);
 }
 
-TEST(Plant, GivenAnOverdampedMassWhenItsHandMovesThenItLagsByTheDisplaysShareOfTheDamping) {
+TEST(Plant, OverdampedMassLagsByTheDisplaysDamping) {
   PlantOptions options{
       .mass_kg = 0.05, .damping_n_s_m = 20, .hand_stiffness_n_m = 400, .hand_damping_n_s_m = 5};
   Plant plant(options, {0, 0, 0});
@@ -32,7 +32,7 @@ TEST(Plant, GivenAnOverdampedMassWhenItsHandMovesThenItLagsByTheDisplaysShareOfT
   EXPECT_NEAR(0.12 * 2 - plant.position_m().x(), 20 * 0.12 / 400, 1e-9);
 }
 
-TEST(Plant, GivenAConstantForceWhenItHasSettledThenThePortHoldsWhatWasPutIn) {
+TEST(Plant, PortHoldsTheEnergyPutInByAConstantForce) {
   // Pressed to rest against 1 N: the hand has done F dx on the display, and b v^2 was dissipated on the way.
   PlantOptions options{
       .mass_kg = 0.1, .damping_n_s_m = 0.5, .hand_stiffness_n_m = 500, .hand_damping_n_s_m = 10};
@@ -56,7 +56,7 @@ TEST(Plant, FrictionHoldsAMassThatIsPulledByLess) {
   EXPECT_LT(plant.velocity_m_s().norm(), 1e-9);
 }
 
-TEST(PassivityBorder, TheWorstMotionIsWithinTwoPercentOfColgateFractionalDelaysIncluded) {
+TEST(PassivityBorder, WorstMotionIsWithinTwoPercentOfColgate) {
   for (const double delay : {0.0, 0.1, 0.5, 0.9, 1.0, 2.3, 5.5, 10.7}) {
     const ImposedMotion motion = worst_motion(delay, static_cast<std::size_t>(60 * (1 + delay)));
     for (const double stiffness : {10.0, 1e4})
@@ -101,7 +101,7 @@ RestWatch watched(const RestOptions& options, double start_m, double growth_1_s,
   return watch;
 }
 
-TEST(RestWatch, ASwingThatDecaysIsStableHoweverSlowlyOneThatStaysIsALimitCycleAndALargeOneUnstable) {
+TEST(RestWatch, TellsDecayFromLimitCycleAndFromInstability) {
   const RestOptions slow{.update_s = 0.5, .delay_s = 0.1};
   EXPECT_GE(watched(slow, 0, 0).length_s(), 40 * 0.6);
   EXPECT_EQ(watched(slow, 0.002, -0.05).verdict(), Verdict::kStable);
@@ -118,7 +118,7 @@ TEST(RestWatch, NoNumberIsUnstable) {
 }
 
 // JSON knows no infinity, and what is read back of it would be of another version.
-TEST(Trial, GivenAHandThatIsThrownOffThenItsSwingIsANumberAllTheSame) {
+TEST(Trial, SwingOfAThrownHandIsANumber) {
   TrialOptions options;
   options.renderer = "hold";
   options.sweep_m = 0;
@@ -132,7 +132,7 @@ TEST(Trial, GivenAHandThatIsThrownOffThenItsSwingIsANumberAllTheSame) {
     EXPECT_TRUE(std::isfinite(value));
 }
 
-TEST(Trial, GivenAHandThatConvergesSlowlyUnderFewAnswersThenThatIsStable) {
+TEST(Trial, SlowConvergenceUnderFewAnswersIsStable) {
   TrialOptions options;
   options.device = client::device_profile("premium-1.5");
   options.renderer = "hold";
@@ -144,7 +144,7 @@ TEST(Trial, GivenAHandThatConvergesSlowlyUnderFewAnswersThenThatIsStable) {
   EXPECT_NE(run_trial(options).verdict, Verdict::kStable);
 }
 
-TEST(Trial, GivenALateModelThenEnergyGivenBeyondTheTissuesIsSeenWhateverWasDissipatedBefore) {
+TEST(Trial, EnergyOfALateModelIsSeenDespiteDissipation) {
   TrialOptions options;
   options.safe = true;
   options.scene = Scene::kInclusions;
@@ -168,7 +168,7 @@ TEST(Trial, AHeldFiftyHertzForceShakesWhereTheKalmanFilterIsStill) {
   EXPECT_LT(kalman.force_error, 0.02);
 }
 
-TEST(Trial, GivenAHardTissueWhenItWasNotToldOfThenItsForceIsWithheldAndDegradedSaid) {
+TEST(Trial, ForceOfUntoldHardTissueIsWithheld) {
   TrialOptions options;
   options.stiffness_n_m = 3000;
   options.model_delay_s = 0.1;
@@ -186,7 +186,7 @@ TEST(Trial, GivenAHardTissueWhenItWasNotToldOfThenItsForceIsWithheldAndDegradedS
 
 // Pressed to the largest force of each device, and lifted: nothing in the air, and no more comes back than
 // was put in but for what a force held between ticks gives.
-TEST(Lift, OfAFingerThatPressedWithTheLargestForceLeavesNothingBehindByAnyRenderer) {
+TEST(Lift, FromTheLargestForceLeavesNothingBehind) {
   for (const client::DeviceProfile& device : client::device_profiles())
     for (const std::string renderer : {"kalman", "kalman-force", "interpolate", "hold"})
       for (const LiftMotion motion : {LiftMotion::kLift, LiftMotion::kTap})
@@ -215,7 +215,7 @@ TEST(Lift, OfAFingerThatPressedWithTheLargestForceLeavesNothingBehindByAnyRender
 
 // The contact law over a far link: 20 answers a second, 300 ms late or none for 200 ms, past the display's
 // stiffness and within it.
-TEST(Trial, ByTheContactLawTheForceIsThatOfTheFingersOwnPlaceAndNothingIsGiven) {
+TEST(Trial, LawGivesTheForceOfThisPlaceAndNoEnergy) {
   for (const double share : {kLawWithinCap, 1.5})
     for (const double delay_s : {0.0, 0.3}) {
       TrialOptions options;
@@ -243,7 +243,7 @@ TEST(Trial, ByTheContactLawTheForceIsThatOfTheFingersOwnPlaceAndNothingIsGiven) 
     }
 }
 
-TEST(Lift, ByContactLawsThatChangeAndEndUnderTheFingerNoMoreComesBackThanWasPaidFor) {
+TEST(Lift, ChangingLawsReturnNoMoreThanWasPaidFor) {
   for (const LawTold law : {LawTold::kOne, LawTold::kChanging, LawTold::kComingAndGoing})
     for (const double stall_s : {0.0, 0.4})
       for (const LiftMotion motion : {LiftMotion::kLift, LiftMotion::kTap, LiftMotion::kSlide})
@@ -268,7 +268,7 @@ TEST(Lift, ByContactLawsThatChangeAndEndUnderTheFingerNoMoreComesBackThanWasPaid
         }
 }
 
-TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNotAtAll) {
+TEST(Felt, ChainKeepsContrastWithinATenth) {
   for (const char* renderer : {"kalman", "kalman-force"})
     for (const double stimulus_n_m : {15.0, 25.0, 30.0, 45.0}) {
       const auto felt = felt_stiffness({.renderer = renderer}, 25, stimulus_n_m, 5);
@@ -278,7 +278,7 @@ TEST(Felt, TheChainChangesAnInclusionByATenthOfItsContrastAtMostAndABackgroundNo
     }
 }
 
-TEST(Trial, GivenFewAndLateAnswersWhenItExploresThenItIsStableAndNoFurtherOffThanTheExactModelOfThatAge) {
+TEST(Trial, FewLateAnswersAreNoWorseThanTheirAge) {
   for (const Scene scene : {Scene::kHomogeneous, Scene::kInclusions}) {
     TrialOptions options;
     options.device = client::device_profile("premium-1.5");
@@ -299,7 +299,7 @@ TEST(Trial, GivenFewAndLateAnswersWhenItExploresThenItIsStableAndNoFurtherOffTha
 }
 
 // Against the exact force of every tick, whose felt contrast falls with the sharpness itself.
-TEST(Felt, GivenAnswers20MillisecondsLateThenAnInclusionIsFeltWithinATwentiethOfItsContrast) {
+TEST(Felt, InclusionIsFeltThrough20MillisecondsOfDelay) {
   for (const double edge_m : {0.0015, 0.002})
     for (const double stimulus_n_m : {15.0, 20.0, 37.5, 45.0}) {
       const FeltOptions exact{.renderer = "hold", .update_s = 0.001, .model_delay_s = 0, .edge_m = edge_m};

@@ -268,7 +268,7 @@ class StreamCancellation : public Cancellation {
       : Cancellation({{Method::kTouch, 8}, {Method::kWatchFinger, 3}, {Method::kObserve, 3}}) {}
 };
 
-TEST_F(StreamCancellation, TouchAndWatchEndedAtAnyPointLeaveTheServiceAsItWas) {
+TEST_F(StreamCancellation, EndedTouchAndWatchLeaveNothing) {
   rounds(5);
 }
 

@@ -2,6 +2,8 @@
 // names that are no text, a folder that another run writes.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <string>
 #include <vector>
@@ -86,6 +88,48 @@ TEST(CommandLine, TimeLimitsSayWhatTheyMayBe) {
     const std::string failure = test::failure_of({command, "--modulus-time-limit-s", "0"});
     EXPECT_EQ(failure, "--modulus-time-limit-s: must be a number above 0, not 0") << command;
   }
+}
+
+TEST(CommandLine, FormerOptionsNameWhatTakesTheirPlace) {
+  for (const auto& [command, former, instead] :
+       std::vector<std::array<std::string, 3>>{{"patient", "--write-tissue", "--save-tissue"},
+                                               {"acquire", "--threads", "taskset"},
+                                               {"acquire", "--start-direction", "--start-x-m"},
+                                               {"touch", "--credit", "--period-s"}}) {
+    const std::string failure = test::failure_of({command, former, "1"});
+    EXPECT_NE(failure.find(former + ": no longer an option; "), std::string::npos) << failure;
+    EXPECT_NE(failure.find(instead), std::string::npos) << failure;
+  }
+}
+
+TEST(CommandLine, GroupsOfHelpStayReadable) {
+  CLI::App app;
+  add_commands(app);
+  for (const CLI::App* command : app.get_subcommands({}))
+    for (const std::string& group : command->get_groups()) {
+      const auto in_it = [&group](const CLI::Option* option) { return option->get_group() == group; };
+      EXPECT_LE(command->get_options(in_it).size(), 12U) << command->get_name() << ": " << group;
+    }
+}
+
+TEST(CommandLine, OptionsThatDependOnOthersSayWhatToDo) {
+  const auto message = [](std::vector<std::string> words) -> std::string {
+    CLI::App app;
+    add_commands(app);
+    std::reverse(words.begin(), words.end());
+    try {
+      app.parse(words);
+    } catch (const CLI::ParseError& error) {
+      return usage_message(&app, error);
+    }
+    return "";
+  };
+  EXPECT_EQ(message({"acquire", "--service", "unix:/s", "--scene", "s", "--seed", "1", "--record-rf"}),
+            "--record-rf requires --record; give both, or neither\n");
+  EXPECT_EQ(message({"watch", "--session", "s", "--recording", "r"}),
+            "--session excludes --recording; leave one of the two out\n");
+  EXPECT_EQ(message({"scenes"}), "--service is required; see scenes --help\n");
+  EXPECT_EQ(message({"scenes", "--server", "x"}), "no option '--server'; scenes --help lists them\n");
 }
 
 TEST(CommandLine, FoldersThatAnotherRunWritesAreRefusedFirst) {

@@ -102,7 +102,7 @@ TEST(AreaLaw, ForceIsTheGradientOfTheEnergyEverywhere) {
       }
 }
 
-TEST(AreaLaw, CoversNothingBesideItsLanesNorWhereOneOrAColumnIsMissing) {
+TEST(AreaLaw, CoversNothingBesideItsLanesOrInGaps) {
   auto columns = area();
   const auto covered = [&](double x, double z) { return evaluate(columns, x, 0.001, z).covered; };
   EXPECT_FALSE(covered(0.007, 0.0009));

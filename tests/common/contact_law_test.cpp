@@ -109,7 +109,7 @@ TEST(ContactLaw, OutOfContactIsNothing) {
   }
 }
 
-TEST(ContactLaw, SaysBothVersionsTheLargerErrorAndHowFarTheyDisagree) {
+TEST(ContactLaw, StatesBothVersionsAndTheLargerError) {
   Law law;
   law.columns[0].version = 3, law.columns[1].version = 7;
   law.columns[1].error_share = 0.01F, law.columns[0].error_n = 0.002F;

@@ -139,7 +139,7 @@ TEST(LawSampler, FollowsNoRippleOfTheMeshThatIsWithinTheTolerance) {
     }
 }
 
-TEST(LawSampler, ShowsWhatIsNearFirstAndAltersNothingThatItHasShown) {
+TEST(LawSampler, ShowsNearColumnsFirstAndKeepsThem) {
   const Sampled sampled;
   LawSampler sampler(sampled.model, {}, {}, 0, kEndM, kNearM);
   std::vector<LawColumn> before;

@@ -50,7 +50,7 @@ Judged judged(const TissueModel& model, const Fingertip& tip, const PlanePose& p
 }
 
 // What is stated follows where double precision really loses digits.
-TEST(ContactLimits, RoundingIsStatedAtAnyContrastAndNearIncompressibility) {
+TEST(ContactLimits, StatesRoundingAtAnyContrastAndPoissonRatio) {
   struct Case {
     double nu, contrast, min_error, max_error, max_stated;
   };

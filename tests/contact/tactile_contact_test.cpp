@@ -65,7 +65,7 @@ TEST(TactileContact, ALumpIsSeenUnderATipAndBetterUnderAPad) {
   EXPECT_LT(detectability(contact, kRound, beside), 0.3) << "far from it there is little to see";
 }
 
-TEST(TactileContact, WithoutALumpTheLayeredPressureIsTheContactsOwn) {
+TEST(TactileContact, PressureWithoutALumpIsTheContacts) {
   SolidContact<float> contact(test_device()->queue(), block(0.002, 1e4));
   for (Fingertip tip : {kRound, kPad})
     for (const Friction friction : {Friction::kFrictionless, Friction::kStuck}) {

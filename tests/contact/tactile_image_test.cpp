@@ -84,7 +84,7 @@ TEST(TactileImage, HasTheForceAndItsFirstMoments) {
       }
 }
 
-TEST(TactileImage, ANodeOnATaxelsCentreIsItsOwnAndOneOnAnEdgeIsSharedInHalves) {
+TEST(TactileImage, NodeOnAnEdgeIsSharedByTwoTaxels) {
   const TaxelGrid grid;  // 8 x 8 at 2 mm: edges at even millimetres from the centre
   const Taxels centre = share_among_taxels(std::vector{node(0.003, -0.005, 1)}, grid, {0, 0});
   EXPECT_NEAR(centre.pressure_pa[1 * 8 + 5], 1 / 4e-6, 1e-3);

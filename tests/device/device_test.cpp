@@ -276,7 +276,7 @@ TEST(Program, EveryIncludeAppearsOnce) {
   EXPECT_NE(source.find("#line 3 \"empty.cl\""), std::string::npos) << source;
 }
 
-TEST_F(Device_, LaunchesOnAThreadThatLooksUpComeInSlicesAndGiveTheSame) {
+TEST_F(Device_, SlicedLaunchesGiveTheSame) {
   const auto device = Device::open(options_);
   const Queue queue = device->queue();
   constexpr std::size_t kSize = 1 << 20;
@@ -356,7 +356,7 @@ TEST_F(Device_, WorkThatIsToEndEndsBetweenTheSlicesOfALaunch) {
 }
 
 // Arrays are charged to who makes them before the device is asked, and returned with them.
-TEST(Memory, ArraysAreChargedBeforehandAndTooLargeOnesAreNoFailureOfTheDevice) {
+TEST(Memory, TooLargeArraysAreNoFailureOfTheDevice) {
   Limits limits;
   limits.host_memory_bytes = 0, limits.device_memory_bytes = 4000, limits.client_memory_share = 0.5;
   const auto budget = std::make_shared<MemoryBudget>(limits);

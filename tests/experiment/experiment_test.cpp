@@ -29,7 +29,7 @@ std::vector<StimulusCount> experiment(const Weibull& truth, unsigned trials_per_
   return count_answers(run_experiment(trials, simulated_observer(truth, random.seed())));
 }
 
-TEST(Psychometric, AnObserversThresholdIsItsWeberFractionAboveTheBackground) {
+TEST(Psychometric, ThresholdIsTheWeberFractionAboveBackground) {
   for (const double weber : {0.02, 0.1, 0.4, 1.5}) {
     for (const double equality : {0.0, -0.1, 0.015}) {
       const Weibull function = psychometric_function({weber, 0, equality}, kBackgroundNM);
@@ -61,7 +61,7 @@ TEST(Psychometric, AnImpossibleObserverIsRefused) {
   refused({0.2, 0, 0}, 0);
 }
 
-TEST(Trials, EveryStimulusComesEquallyOftenInAnOrderThatTheSeedFixes) {
+TEST(Trials, StimuliComeEquallyOftenInTheSeedsOrder) {
   Random first(7), again(7), other(8);
   const auto order = [](const std::vector<Trial>& trials) {
     std::vector<double> stimuli;
@@ -211,7 +211,7 @@ TEST(ResultsCsv, AnswersComeBackAsTheyWereWritten) {
   EXPECT_THROW(ResultsCsv(folder / "no/such/folder.csv", ""), std::runtime_error);
 }
 
-TEST(ResultsCsv, OneThatBrokeOffBeforeTheFirstAnswerMayBeTakenAgain) {
+TEST(ResultsCsv, FileWithoutAnswersMayBeTakenAgain) {
   const TemporaryFolder folder;
   { ResultsCsv(folder / "a.csv", "teletact experiment: seed 7"); }
   ResultsCsv(folder / "a.csv", "teletact experiment: seed 8").add({{25, 30}, true});
@@ -271,7 +271,7 @@ TEST(ResultsCsv, TheSeedIsReadBack) {
   EXPECT_EQ(seed_of_results_csv(folder / "b.csv"), std::nullopt);
 }
 
-TEST(ResultsCsv, ConditionAndOrderAreKeptAndFormerFilesAreReadAsWhatTheyWere) {
+TEST(ResultsCsv, KeepsConditionAndOrderAndReadsFormerFiles) {
   const TemporaryFolder folder;
   {
     ResultsCsv csv(folder / "a.csv", "seed 7");

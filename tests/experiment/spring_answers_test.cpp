@@ -43,7 +43,7 @@ TEST(SpringAnswers, ComeAtTheirRateAndAsLateAsTheyAre) {
   }
 }
 
-TEST(SpringAnswers, AreOfTheSpringAtTheirPoseAndForeseeItOutOfContact) {
+TEST(SpringAnswers, ForeseeTheSpringOutOfContact) {
   SpringAnswers answers(0.001, 0);
   answers.present(everywhere(40));
   const ForceSample above = run(answers, -0.002, 0, 1).at(0).sample;
@@ -59,7 +59,7 @@ TEST(SpringAnswers, AreOfTheSpringAtTheirPoseAndForeseeItOutOfContact) {
   EXPECT_EQ(pressed.tangent_n_m(1, 1), -40);
 }
 
-TEST(SpringTissue, ItsForceIsTheSlopeOfItsEnergyAndItsTangentThatOfItsForce) {
+TEST(SpringTissue, ForceAndTangentAreSlopesOfTheEnergy) {
   const SpringTissue tissue{25, 40, 0.03, 0.01, 0.0015};
   constexpr double kStep = 1e-6;
   const auto energy_j = [&](const Vector3& p) { return -tissue.answer(p).force_n.y() * p.y() / 2; };

@@ -7,7 +7,7 @@
 namespace teletact::bench {
 namespace {
 
-TEST(Fuzz, BoundsHoldForAnyStreamOfAnswersAndLawsAndThereWereForcesToBound) {
+TEST(Fuzz, BoundsHoldForAnyAnswersAndLaws) {
   constexpr std::size_t kCases = 2'000'000;
   const FuzzResult result = fuzz_forces(kCases, 20240611);
   EXPECT_EQ(result.cases, kCases);

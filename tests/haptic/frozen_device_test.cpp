@@ -87,7 +87,7 @@ TEST_F(FrozenDevice, ForceComesBackByTheOperatorAlone) {
   EXPECT_GT(device.force.norm(), 0.5);
 }
 
-TEST_F(FrozenDevice, OneWithoutNoiseMayStandUntilItsVelocityContradicts) {
+TEST_F(FrozenDevice, MayStandWithoutNoiseWhileVelocityAgrees) {
   begin(true);
   press(0.004);
   run(2);

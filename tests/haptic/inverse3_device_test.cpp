@@ -85,7 +85,7 @@ TEST(Inverse3Protocol, ReadsAddresses) {
     EXPECT_THROW(parse_websocket_url(text), std::invalid_argument) << text;
 }
 
-TEST(Inverse3Device, CursorComesInSceneAxesAndForceGoesBackInItsOwn) {
+TEST(Inverse3Device, TurnsCursorAndForceBetweenAxes) {
   Inverse3Service service;
   service.put_cursor({0.01, -0.12, 0.15}, {0, 0, 0});
   Inverse3Device device(options_for(service));
@@ -134,7 +134,7 @@ TEST(Inverse3Device, AForceThatIsNotRenewedAndOneAtTheEndAreZero) {
 }
 
 // The servo goes on asking for 2 N whatever the device says.
-TEST(Inverse3Device, AServiceThatIsLostOrTalksNonsenseIsToldZeroFirst) {
+TEST(Inverse3Device, LostOrGarbledServiceIsToldZeroFirst) {
   auto service = std::make_unique<Inverse3Service>();
   Inverse3Device device(options_for(*service));
   device.open();

@@ -108,7 +108,7 @@ void expect_nothing_in_the_air(const Felt& felt, const std::string& what) {
   EXPECT_EQ(felt.fades, 0) << what;
 }
 
-TEST(Lift, OfASpringPressedToTheLargestForceLeavesNoForceInTheAirAndGivesBackNoMoreThanWasPutIn) {
+TEST(Lift, SpringAtTheLargestForceLeavesNoneInTheAir) {
   for (const DeviceProfile& device : devices())
     for (const std::string& name : renderer_names())
       for (const double share : {0.3, 1.0})
@@ -154,7 +154,7 @@ ForceChainInput pressed(double depth_m, double force_n) {
 }
 
 // What takes the force away while the finger lifts: a fault, a pause, a force that is no number.
-TEST(Lift, WhileTheForceFadesLeavesNothingInTheAirAndIsSmoothInContact) {
+TEST(Lift, DuringAFadeIsSmoothAndLeavesNothing) {
   for (const bool paused : {true, false})
     for (const double lift_m_s : {0.0, 0.3, 0.6}) {
       ForceChainOptions options;

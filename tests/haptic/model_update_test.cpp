@@ -78,7 +78,7 @@ struct HandOver {
   }
 };
 
-TEST(ModelUpdate, GivenAPressedFingerWhenAnotherWindowTakesOverThenTheForceJumpsByLessThanSevenPercent) {
+TEST(ModelUpdate, NewWindowMovesTheForceByUnderSevenPercent) {
   for (const auto& [before_n_m, after_n_m] : {std::pair{200.0, 50.0},
                                               {200.0, 150.0},
                                               {200.0, 190.0},
@@ -110,7 +110,7 @@ TEST(ModelUpdate, GivenAPressedFingerWhenAnotherWindowTakesOverThenTheForceJumps
 }
 
 // But for the half period by which a force held between ticks is behind, 1/2 F v T on each way.
-TEST(ModelUpdate, GivenAHarderWindowWhenTheFingerIsOutAgainThenNoMoreEnergyWasInjectedThanDissipated) {
+TEST(ModelUpdate, HarderWindowInjectsNoMoreThanIsDissipated) {
   for (const double friction_n : {0.0, 0.04})
     for (const double speed_m_s : {0.0, kSpeedMS})
       for (const auto& [before_n_m, after_n_m] :
@@ -125,8 +125,7 @@ TEST(ModelUpdate, GivenAHarderWindowWhenTheFingerIsOutAgainThenNoMoreEnergyWasIn
         }
 }
 
-TEST(ModelUpdate,
-     GivenNothingThatDissipatesAtRestWhenAHarderWindowTakesOverThenItIsWithheldUntilTheFingerComesAnew) {
+TEST(ModelUpdate, UnpaidHarderWindowWaitsForANewPress) {
   HandOver handed{200, 500, 0.01, 0, 0};
   handed.run();
   EXPECT_GT(handed.end_withheld, 0.5);

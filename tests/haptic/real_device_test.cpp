@@ -35,7 +35,7 @@ Vector3 derived(DerivedVelocity& velocity, double seconds, int every, double ste
   return found;
 }
 
-TEST(DerivedVelocity, IsTheFingersHoweverSeldomAndCoarseThePositionsAre) {
+TEST(DerivedVelocity, FollowsSeldomAndCoarsePositions) {
   for (const int every : {1, 10})
     for (const double step_m : {0.0, 2e-5}) {
       DerivedVelocity velocity;
@@ -45,7 +45,7 @@ TEST(DerivedVelocity, IsTheFingersHoweverSeldomAndCoarseThePositionsAre) {
     }
 }
 
-TEST(DerivedVelocity, OfAFingerThatStopsGoesToNothingAndOfNoNumberThereIsNone) {
+TEST(DerivedVelocity, EndsWithTheMotionAndAtNoNumber) {
   DerivedVelocity velocity;
   derived(velocity, 0.5, 1, 0);
   const std::int64_t stopped_ns = 1'499'000'000;

@@ -176,7 +176,7 @@ TEST(SimulatedDevice, LiftsWhenForceIsGoneAndAsksForItOutOfContact) {
   EXPECT_FALSE(in_contact);
 }
 
-TEST(SimulatedDevice, ItsLimitsStateItsOwnDampingWhichDataSheetsDoNot) {
+TEST(SimulatedDevice, LimitsStateItsOwnDamping) {
   SimulatedDeviceOptions options;
   options.profile = device_profile("premium-1.5");
   EXPECT_EQ(options.profile.limits().damping_n_s_m, 0);

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kServoS = 0.001;
 
-TEST(VirtualCoupling, GivenAConstantPushWhenTheToolMovesThenItFollowsTheClosedForm) {
+TEST(VirtualCoupling, ToolFollowsTheClosedFormUnderAPush) {
   VirtualCoupling coupling({.mass_kg = 0.25, .damping_n_s_m = 2}, {0.01, 0, 0});
   for (int n = 0; n < 300; ++n) coupling.step({0.5, 0, 0}, {0, -0.2, 0}, kServoS);
   const double tau_s = 0.125, t = 0.3, moved = t - tau_s * (1 - std::exp(-t / tau_s));
@@ -25,12 +25,12 @@ TEST(VirtualCoupling, GivenAConstantPushWhenTheToolMovesThenItFollowsTheClosedFo
   EXPECT_NEAR(coupling.tool().velocity_m_s.x(), 0.25 * (1 - std::exp(-t / tau_s)), 1e-12);
 }
 
-TEST(VirtualCoupling, GivenNothingThatDampsWhenItIsMadeThenItIsRefused) {
+TEST(VirtualCoupling, WithoutDampingIsRefused) {
   EXPECT_THROW(VirtualCoupling({.damping_n_s_m = 0}, {0, 0, 0}), std::invalid_argument);
   EXPECT_THROW(VirtualCoupling({.mass_kg = 0, .damping_n_s_m = 1}, {0, 0, 0}), std::invalid_argument);
 }
 
-TEST(VirtualCoupling, GivenAForceThatIsNoNumberWhenItStepsThenTheToolOnlySlows) {
+TEST(VirtualCoupling, ForceThatIsNoNumberOnlySlowsTheTool) {
   VirtualCoupling coupling({.damping_n_s_m = 2}, {0, 0, 0});
   coupling.step({std::numeric_limits<double>::quiet_NaN(), 0, 0}, {0, 1, 0}, kServoS);
   EXPECT_EQ(coupling.tool().position_m.norm(), 0);
@@ -81,7 +81,7 @@ HandOptions hand(double mass_kg, double damping_n_s_m, double stiffness_n_m) {
   return options;
 }
 
-TEST(VirtualCoupling, GivenAHandThatDissipatesNothingWhenItPressesTissueAtTheCapThenItComesToRest) {
+TEST(VirtualCoupling, LosslessHandComesToRestAtTheCap) {
   for (const double stiffness_n_m : {100.0, 400.0, 800.0, 1000.0})
     for (const double mass_kg : {0.01, 0.05, 0.2})
       for (const double hand_n_m : {200.0, 1000.0})
@@ -89,12 +89,12 @@ TEST(VirtualCoupling, GivenAHandThatDissipatesNothingWhenItPressesTissueAtTheCap
             << stiffness_n_m << " N/m, hand " << mass_kg << " kg " << hand_n_m << " N/m";
 }
 
-TEST(VirtualCoupling, GivenFourFifthsOfThatDampingWhenTheLightestHandPressesThenTheDisplayIsActive) {
+TEST(VirtualCoupling, FourFifthsOfThatDampingIsTooLittle) {
   for (const double stiffness_n_m : {400.0, 800.0})
     EXPECT_GT(press(hand(0.01, 0, 1000), stiffness_n_m, 0.8).later_over_earlier, 1);
 }
 
-TEST(VirtualCoupling, GivenAnyHandOfT57WhenItPressesThenItNeverGetsBackMoreThanItPutIn) {
+TEST(VirtualCoupling, NoHandGetsBackMoreThanItPutIn) {
   for (const auto& held : {hand(0.01, 2, 200), hand(0.1, 5, 500), hand(0.2, 10, 1000), hand(0.2, 2, 1000),
                            hand(0.01, 2, 1000)}) {
     const Pressed pressed = press(held, 800, 1);
@@ -103,7 +103,7 @@ TEST(VirtualCoupling, GivenAnyHandOfT57WhenItPressesThenItNeverGetsBackMoreThanI
   }
 }
 
-TEST(SimulatedPositionDevice, CountsOnNoFrictionAndOnTheDampingThatTheHandDoesNotNeed) {
+TEST(SimulatedPositionDevice, CountsOnSpareDampingAndNoFriction) {
   SimulatedPositionDeviceOptions options;
   options.profile = device_profile("omni");
   EXPECT_GT(options.profile.friction_n, 0);
@@ -112,7 +112,7 @@ TEST(SimulatedPositionDevice, CountsOnNoFrictionAndOnTheDampingThatTheHandDoesNo
   EXPECT_NEAR(limits.damping_n_s_m, 700 * 0.001 / 2, 1e-12);  // (T5.1) for the tissue at the cap
 }
 
-TEST(VirtualCoupling, GivenAToolOfLessThanHalfTheHandsMassWhenItPressesThenItShakes) {
+TEST(VirtualCoupling, ToolUnderHalfTheHandsMassShakes) {
   EXPECT_GT(press(hand(0.2, 2, 500), 400, 1, 0.09).later_over_earlier, 1);
   EXPECT_LT(press(hand(0.2, 2, 500), 400, 1, 0.15).later_over_earlier, 0.01);
 }

@@ -204,7 +204,7 @@ TEST(Elastography, UnrelatedFramesAreRefused) {
             TrackingError::Reason::kDecorrelated);
 }
 
-TEST(Elastography, CompressionBeyondTheSearchIsRefusedWithTheRemedy) {
+TEST(Elastography, RefusesCompressionBeyondTheSearch) {
   const RfFrame far = tissue().frame([](double, double y) { return std::pair{0.0, -0.09 * y}; }, 2);
   EXPECT_EQ(
       refusal(still(), far, "with max_strain 0.1: it is strained beyond max_strain 0.05; compress less"),

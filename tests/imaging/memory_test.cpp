@@ -63,7 +63,7 @@ Estimate estimate(Elastography& engine) {
   return engine.estimate(pair().pre, pair().post, {speckle_geometry(), {}, slab()});
 }
 
-TEST(ImagingMemory, WhatTheDeviceTakesIsAskedForBeforehandAndRefusedAsAWhole) {
+TEST(ImagingMemory, RequestBeyondTheBudgetIsRefusedWhole) {
   const auto plenty = budget_of(kPlenty, kPlenty);
   std::uint64_t needed = 0;
   {
@@ -114,7 +114,7 @@ TEST(ImagingMemory, WhatWouldNotFitIsRefusedBeforeAnythingIsTaken) {
       DisplacementEstimator::require_fits({kMaxSamples, kMaxLines, {}}, speckle_geometry(), options));
 }
 
-TEST(ImagingMemory, AnIdleEngineGivesTheDeviceBackAndAnotherTakesItsPlace) {
+TEST(ImagingMemory, IdleEngineMakesRoomForAnother) {
   const auto budget = budget_of(kPlenty, std::uint64_t{1} << 30);
   const MemoryAccount anna{budget, "anna", ""}, berta{budget, "berta", ""};
   Engines engines(imaging_device());
@@ -154,7 +154,7 @@ TEST(ImagingMemory, AnEstimateHoldsItsMapsUntilItIsTaken) {
   EXPECT_EQ(none->held(Place::kHost), 0U);
 }
 
-TEST(ImagingMemory, ModelsOfTheModulusAreBoundedInBytesAndTheOldestGoesFirst) {
+TEST(ImagingMemory, OldestModelLeavesFirst) {
   const auto at = [](double depth_m) { return TissueExtent{0.060, depth_m, 0.010, 0.49}; };
   std::uint64_t one = 0;
   {

@@ -44,7 +44,7 @@ TEST(RecoveryPauses, BeginLongerWhereTheDeviceHardlyWorked) {
   EXPECT_EQ(first_pauses(milliseconds(30'000)), std::vector<int>(9, 250));
 }
 
-TEST(DeviceRecovery, ADeviceThatFailsAsSoonAsItIsUsedIsOpenedLessAndLessOften) {
+TEST(DeviceRecovery, DeviceThatKeepsFailingIsOpenedLessOften) {
   using Clock = std::chrono::steady_clock;
   constexpr milliseconds kFirst{5};
   constexpr std::size_t kTimes = 5;
@@ -70,7 +70,7 @@ TEST(DeviceRecovery, ADeviceThatFailsAsSoonAsItIsUsedIsOpenedLessAndLessOften) {
     EXPECT_GE(opened[k] - opened[k - 1], kFirst * (1 << (k - 1))) << k;
 }
 
-TEST(DeviceRecovery, ADeviceThatIsNotToBeOpenedIsTriedLessAndLessOften) {
+TEST(DeviceRecovery, DeviceThatDoesNotOpenIsTriedLessOften) {
   using Clock = RecoveryPauses::Clock;
   constexpr milliseconds kFirst{5};
   constexpr std::size_t kTimes = 4;

@@ -72,7 +72,7 @@ TEST_F(Plane, OneThatIsLateBeforeItsFramesAreReadWasNotTried) {
   EXPECT_GT(expected_s(), unread_s);
 }
 
-TEST_F(Plane, ADeviceThatFailsWhenAnotherIsInUseByThenSaysNothingOfThatOne) {
+TEST_F(Plane, FailureOfAReplacedDeviceIsNotTheNewOnes) {
   const auto replaced = [&](Stage) {
     devices.front().replace(Device::open());
     fail_launches(true);

@@ -55,7 +55,7 @@ TEST_F(Publishing, IsRefusedOnAThreadThatIsNoWorker) {
 }
 
 // A scene that was moved to another device while the former one's job was about to publish.
-TEST_F(Publishing, OneOfAnotherDeviceWaitsForTheOneThatChangesTheScene) {
+TEST_F(Publishing, WaitsForAnotherDevicesChange) {
   std::atomic<bool> second_done{false};
   auto first = held_in_the_midst([&] { return publish(0.03, "first"); });
   std::atomic<bool> second_begun{false};
@@ -74,7 +74,7 @@ TEST_F(Publishing, OneOfAnotherDeviceWaitsForTheOneThatChangesTheScene) {
   EXPECT_EQ(scene->snapshot()->windows.size(), 2U);
 }
 
-TEST_F(Publishing, OneOfAnotherDeviceIsGivenUpWhereTheOneThatChangesTheSceneHangs) {
+TEST_F(Publishing, GivesUpBehindADeviceThatHangs) {
   Publisher impatient{scenes, workers, std::chrono::milliseconds(50)};
   const auto publish_at = [&](double x_m, const char* client) {
     return impatient.publish(scene, window_of(homogeneous(1e4), x_m, 0.03, 0.03), client);
@@ -110,7 +110,7 @@ TEST_F(Publishing, NeighboursAreFreshThoughTheFormerDeviceHangs) {
   hangs.future.get();
 }
 
-TEST_F(Publishing, APublicationThatFindsItsSceneBusyLendsItsTurnInsteadOfSpinning) {
+TEST_F(Publishing, LendsItsTurnWhileTheSceneIsBusy) {
   // GIVEN a publication that has to make way in the midst of it
   std::atomic<bool> first_published{false};
   std::atomic<int> looks_meanwhile{0};

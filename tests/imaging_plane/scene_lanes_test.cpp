@@ -34,7 +34,7 @@ TEST_F(Placing, DeletedScenesDoNotCount) {
   EXPECT_EQ(places.place(c, {{}, {}}), 1U);
 }
 
-TEST_F(Placing, ASceneLeavesADeviceThatDoesNotWorkForOneThatDoesAndStays) {
+TEST_F(Placing, SceneMovesToAWorkingDeviceAndStays) {
   const auto a = scene("a");
   EXPECT_EQ(places.place(a, {{true, 0}, {true, 1}, {true, 2}}), 0U);
   EXPECT_EQ(places.place(a, {{false, 0}, {false, 1}, {false, 2}}), 0U) << "it waits for its own";

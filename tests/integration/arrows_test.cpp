@@ -46,7 +46,7 @@ bool starts_with_any(const std::string& text, const std::vector<std::string>& pr
 const std::vector<std::string> kRpcHeaders{"grpc", "google/protobuf", "teletact/v1/"};
 const std::vector<std::string> kOpenClHeaders{"CL/", "OpenCL/"};
 
-TEST(Arrows, TheClientNeverIncludesTheServiceNorTheServiceTheClient) {
+TEST(Arrows, ClientAndServiceDoNotIncludeEachOther) {
   const auto client = includes_of("client"), service = includes_of("service");
   ASSERT_GT(client.size(), 100u) << "the sources were not found";
   ASSERT_GT(service.size(), 100u) << "the sources were not found";
@@ -174,7 +174,7 @@ TEST(Arrows, ScenePlanesAndRpcSeeModelsThroughTheSeamAlone) {
   EXPECT_GE(through, 2u);
 }
 
-TEST(Arrows, OnlyDeviceIncludesOpenClOnlyRpcTheContractAndOnlyAccessOpenSsl) {
+TEST(Arrows, EachLibraryIsIncludedByItsFolderOnly) {
   for (const Include& i : includes_of("service")) {
     if (i.folder != "service/device") {
       EXPECT_FALSE(starts_with_any(i.target, kOpenClHeaders)) << i.file;
@@ -188,7 +188,7 @@ TEST(Arrows, OnlyDeviceIncludesOpenClOnlyRpcTheContractAndOnlyAccessOpenSsl) {
   }
 }
 
-TEST(Arrows, ServoRenderHapticPatientFilesAndExperimentKnowNeitherGrpcNorOpenCl) {
+TEST(Arrows, TimeCriticalFoldersKnowNoGrpcNorOpenCl) {
   const std::vector<std::string> pure{"client/servo",   "client/render", "client/haptic",    "client/clock",
                                       "client/patient", "client/files",  "client/experiment"};
   std::size_t seen = 0;

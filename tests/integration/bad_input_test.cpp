@@ -84,7 +84,7 @@ TEST_F(EstimateInput, WhatIsMissingIsAskedForByName) {
                         {"--axial-axis"});
 }
 
-TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
+TEST_F(EstimateInput, SpacingAgainstTheSamplingRateIsRefused) {
   write_file(folder_ / "mm.mha", mha("0.01925 0.234"));
   expect_one_clear_line(estimate(folder_ / "mm.mha", folder_ / "mm.mha", usual()),
                         {"millimetres", "--spacing-unit mm"});
@@ -100,7 +100,7 @@ TEST_F(EstimateInput, SpacingThatContradictsTheSamplingFrequencyIsRefused) {
                         {"metres: give --spacing-unit m\n"});
 }
 
-TEST_F(EstimateInput, FrequenciesInMegahertzAreRefusedWithTheValueInHertz) {
+TEST_F(EstimateInput, FrequenciesInMegahertzAreRefused) {
   write_file(folder_ / "a.mha", mha("1.925e-5 0.000234"));
   for (const auto& [center, sampling, words] :
        {std::tuple{"7.3e6", "40", "--sampling-frequency-hz 40: give it in Hz; 40 MHz is 40e6"},
@@ -135,7 +135,7 @@ TEST_F(EstimateInput, OfSeveralPairsWhatDoesNotFitIsNamed) {
                         {test::kKeptOut});
 }
 
-TEST_F(EstimateInput, AnOutputFolderThatCannotBeWrittenIsSaidBeforeAnythingElse) {
+TEST_F(EstimateInput, UnwritableOutputFolderIsSaidFirst) {
   write_file(folder_ / "file", "not a folder");
   expect_one_clear_line(
       estimate("/nonexistent.mha", "/nonexistent.mha", {"--out", folder_ / "file/out", "--frame", "LAB"}),
@@ -204,9 +204,9 @@ TEST(AcquireInput, SlicesThatCannotBeTakenAreRefusedInWords) {
   refused({"--tissue", folder / "plane.toml", "--slices", "3"}, {"--slices 3", "[solid]"});
   refused({"--tissue", folder / "thin.toml", "--slices", "6"}, {"from z -0.0125 to 0.0125", "-0.01 to 0.01"});
   refused({"--tissue", folder / "thin.toml", "--slices", "1", "--first-slice-z-m", "0.02"}, {"z 0.02"});
-  refused({"--seed", "1", "--slices", "3", "--start-x-m", "0.01"}, {"--start-x-m", "first slice"});
-  refused({"--seed", "1", "--slices", "3", "--plane", "strain"}, {"--plane", "solid"});
-  refused({"--seed", "1", "--slices", "3", "--modulus-method", "direct"}, {"--modulus-method"});
+  refused({"--seed", "1", "--slices", "3", "--start-x-m", "0.01"}, {"--start-x-m", "--slices", "leave one"});
+  refused({"--seed", "1", "--slices", "3", "--plane", "strain"}, {"--plane", "--slices", "leave one"});
+  refused({"--seed", "1", "--slices", "3", "--modulus-method", "direct"}, {"--modulus-method", "--slices"});
   refused({"--seed", "1", "--slices", "2", "--save-modulus", folder / "a", "--save-log-std", folder / "./a"},
           {"--save-modulus", "same file"});
   for (const std::vector<std::string>& words :
@@ -320,7 +320,7 @@ TEST(TouchInput, WhatCannotBeIsRefusedInWords) {
 }
 
 // The script answers for itself what needs no build.
-TEST(ScriptInput, HelpAndVersionBuildNothingAndADemoOfNoTimeIsRefused) {
+TEST(ScriptInput, HelpBuildsNothingAndAnEmptyDemoIsRefused) {
   TemporaryFolder folder;
   const std::string script = test::required_environment("TELETACT_SOURCE_DIR") + "/teletact";
   const Environment nowhere{{"TELETACT_BUILD_DIR", folder / "build"}};

@@ -47,7 +47,7 @@ class ExperimentService : public testing::Test {
 
 // Springs and tissue are judged with the same chances: what is felt as it should be is judged alike. One
 // answer of eight may turn, as two stiffnesses a few per cent apart may.
-TEST_F(ExperimentService, TheJndOverTissueIsThatOverSpringsAndAKilledServiceCostsNoAnswer) {
+TEST_F(ExperimentService, KeepsTheJndOfSpringsThroughAKill) {
   const std::string springs = folder / "springs.csv", line = folder / "line.csv",
                     solid = folder / "solid.csv";
   const test::Outcome told = test::run(experiment({"--csv", springs}), folder / "springs.log");

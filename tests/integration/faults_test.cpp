@@ -58,7 +58,7 @@ TEST_F(Faults, At10HzTheSameLimitsAreScaled) {
   EXPECT_TRUE(felt_again_after(back_s));
 }
 
-TEST_F(Faults, ResetHalfOpenAndOvertakenStreamsAreOpenedAgainWithinASecond) {
+TEST_F(Faults, BrokenStreamsReopenWithinASecond) {
   std::vector<double> begun_s;
   const auto break_link = [&](test::FaultEvent event) {
     begun_s.push_back(test::now_s());

@@ -76,7 +76,7 @@ void judge(const test::TouchRecording& recording, double killed_s, double servin
 
 class Restart : public testing::TestWithParam<Rendering> {};
 
-TEST_P(Restart, KilledWhilePressedTheForceFadesSaysWhyAndReturnsOnlyOutOfContact) {
+TEST_P(Restart, ForceFadesAndReturnsOnlyOutOfContact) {
   test::TemporaryFolder folder;
   const std::string address = "unix:" + (folder / "s");
   const std::vector<std::string> serve{test::service_binary(), "serve", "--listen", address, "--state",

@@ -174,7 +174,7 @@ double largest_change(const std::vector<Pressed::Tick>& ticks) {
 
 // All of the solid becomes twice as hard under a resting finger, and soft again. A hand at rest pays for no
 // harder tissue: that is felt from the next touch on. Softer tissue is felt at once, and both slowly.
-TEST_F(SolidTouch, ASliceUnderAPressedFingerIsFeltGraduallyAndPaidFor) {
+TEST_F(SolidTouch, SliceUnderTheFingerIsFeltGradually) {
   test::Process service({test::service_binary(), "serve", "--listen", address()}, folder / "service.log");
   ASSERT_TRUE(service.says("serving on", 300)) << service.output();
   const test::Outcome made = slices({"--volume", volume("one.mha", 0.001, 2e4F, 1)});

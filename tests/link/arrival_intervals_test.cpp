@@ -14,7 +14,7 @@ void come(ArrivalIntervals& arrivals, double* now_s, double seconds, double inte
     arrivals.add(static_cast<std::int64_t>(*now_s * 1e9));
 }
 
-TEST(ArrivalIntervals, ASteadyRateIsWhatIsExpectedHoweverLateItComes) {
+TEST(ArrivalIntervals, ExpectTheSteadyRateHoweverLate) {
   EXPECT_EQ(ArrivalIntervals().expected_s(), 0);
   for (const double interval_s : {0.002, 0.03, 0.11, 0.3}) {
     ArrivalIntervals arrivals;

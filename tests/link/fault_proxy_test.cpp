@@ -144,7 +144,7 @@ TEST(FaultProxy, ADelayIsThatOfEveryByteAndLowersNoThroughput) {
   EXPECT_LE(now_s() - begin_s, 0.8) << "at least 0.9 s where a way holds kMaxQueuedBytes";
 }
 
-TEST(FaultProxy, ALongNarrowLinkAddsItsDelayToTheSendingAndKeepsMessagesApart) {
+TEST(FaultProxy, NarrowLinkAddsDelayAndKeepsMessagesApart) {
   Echo echo;
   FaultProxy proxy(echo.address);
   proxy.play({.faults = {{.delay_s = 0.1, .bandwidth_bytes_s = 8e3}, {.delay_s = 0.05}}});

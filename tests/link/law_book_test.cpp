@@ -55,7 +55,7 @@ TEST(LawBook, GivesTheServoWhatIsNearTheFingerOnceForEachChange) {
   EXPECT_TRUE(book.fresh(0.03));
 }
 
-TEST(LawBook, EachColumnHasItsOwnErrorAndThatOfThePieceWhereItSaysNone) {
+TEST(LawBook, ColumnWithoutAnErrorHasItsPieces) {
   v1::LawPiece piece = piece_of(1, {0.01, 0.02, 0.03});
   piece.mutable_columns(1)->set_of_force_error(0.25F), piece.mutable_columns(2)->set_of_force_error(0.5F);
   const auto law = book_with({piece}).fresh(0.02);
@@ -91,7 +91,7 @@ TEST(LawBook, ANewerVersionTakesThePlaceOfTheOlderWhereItRules) {
   EXPECT_EQ(book.fresh(0.03)->columns[1].version, 2u);
 }
 
-TEST(LawBook, ANewerVersionThatBeginsAmidTheOlderLeavesNoGapBeforeIt) {
+TEST(LawBook, NewerVersionAmidAnOlderLeavesNoGap) {
   LawBook book = book_with({piece_of(1, {0.01, 0.02, 0.03}), piece_of(2, {0.02, 0.03}, 2)});
   EXPECT_TRUE(covers(book, 0.015, 2));
   book = book_with({piece_of(1, {0.01, 0.02}), piece_of(2, {0.03, 0.04}), piece_of(3, {0.03, 0.04}, 2)});

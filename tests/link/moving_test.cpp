@@ -135,7 +135,7 @@ TEST_F(Moving, WhoGoesLaterDoesNotTakeAnAnswerThatIsThereAlready) {
 }
 
 // Killed amid the move: the stream that is open takes its place; where there is none, another is opened.
-TEST_F(Moving, AServiceThatEndsBeforeItsSuccessorAnswersIsFollowedByIt) {
+TEST_F(Moving, KilledServiceIsFollowedByItsSuccessor) {
   Operator person(address);
   ASSERT_TRUE(before.wait_until(answers_at_least(50)));
   after.prepares = true;

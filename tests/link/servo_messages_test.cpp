@@ -62,7 +62,7 @@ TEST(ServoMessages, AllThreeComponentsComeFromTheServiceAndGoToIt) {
   EXPECT_EQ(vector_from(sample.force_n()), Vector3(0.1, -0.2, 0.3));
 }
 
-TEST(ServoMessages, ALayerIsThePlaneThroughItsPointAndAcrossItsNormal) {
+TEST(ServoMessages, LayerIsThePlaneAcrossItsNormal) {
   v1::Layer layer;
   layer.set_depth_m(0.01);
   EXPECT_EQ(surface_from(layer)->depth_m({0.3, 0.012, -0.2}), 0.012 - 0.01);

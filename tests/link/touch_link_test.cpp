@@ -48,7 +48,7 @@ TEST(TouchLink, AnswersCarryTheirOwnPose) {
   EXPECT_GE(stats.distinct, 19u);
 }
 
-TEST(TouchLink, TactileImagesAreTakenOnceAndAMalformedOneIsDroppedAlone) {
+TEST(TouchLink, MalformedTactileImageIsDroppedAlone) {
   FakePalpation service(test::socket_address("tactile"));
   service.tactile_pa = 700;
   service.serve();
@@ -84,7 +84,7 @@ TEST(TouchLink, AnAnswerToAnotherSessionsPoseIsNotFelt) {
   EXPECT_FALSE(person.answers.take(answer));
 }
 
-TEST(TouchLink, AnswersFlowAgainAfterTheServiceWasKilledAndRestarted) {
+TEST(TouchLink, AnswersFlowAgainAfterARestart) {
   FakePalpation service(test::socket_address("kill"));
   service.serve();
   Operator person(test::socket_address("kill"));

@@ -21,7 +21,7 @@ using test::Operator;
 using test::within;
 
 // Every opened stream is ended for its first pose: ten times a second is not how to ask again.
-TEST(TouchPeers, AStreamThatIsRefusedAgainAndAgainIsTriedEverMoreSeldom) {
+TEST(TouchPeers, RefusedStreamIsTriedEverMoreSeldom) {
   FakePalpation service(test::socket_address("refused"));
   service.refuses = true;
   service.serve();
@@ -52,7 +52,7 @@ TEST(TouchPeers, AServiceThatTakesNothingIsGivenUp) {
   finger.link->stop();
 }
 
-TEST(TouchPeers, AStreamOpenedWithNoNumbersIsRefusedAndNamesTheField) {
+TEST(TouchPeers, OpeningWithoutANumberNamesTheField) {
   for (const double period_s : {std::nan(""), -1.0, 1e9}) {
     FakePalpation service(test::socket_address("opened"));
     service.opened_period_s = period_s;

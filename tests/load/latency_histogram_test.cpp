@@ -13,7 +13,7 @@
 namespace teletact::bench {
 namespace {
 
-TEST(LatencyHistogram, QuantilesAreThoseOfTheSamplesWithinOnePercent) {
+TEST(LatencyHistogram, QuantilesAreWithinOnePercent) {
   std::mt19937_64 random(1);
   std::lognormal_distribution<double> draw(std::log(2e-3), 1.5);
   std::vector<double> all;

@@ -130,7 +130,7 @@ class RestartedMachine : public testing::Test {
   std::unique_ptr<test::Process> proxy_;
 };
 
-TEST_F(RestartedMachine, NoHandNoticesARestartAndNoSceneIsLostWithAServiceThatIsKilled) {
+TEST_F(RestartedMachine, NoHandNoticesAndNoSceneIsLost) {
   const auto law = touch("law"), answers = touch("kalman");
   ASSERT_TRUE(test::finger_presses(own(0), kScene, 0.002, 60)) << law->output() << said();
   std::atomic<bool> stop{false};

@@ -19,7 +19,7 @@ Tissue small_tissue() {
   return t;
 }
 
-TEST(PatientElement, StoresTheEnergyOfUniformStrainAndNoneOfRigidMotion) {
+TEST(PatientElement, StoresEnergyOfStrainNotOfRigidMotion) {
   const double dx = 5e-4, dy = 7e-4, nu = .49, mu = 1 / (2 * (1 + nu)),
                lambda = nu / ((1 + nu) * (1 - 2 * nu));
   const auto k = element_stiffness(dx, dy, nu);

@@ -32,7 +32,7 @@ TEST(ContactFrame, OnALevelSurfaceItsAxesAreTheScenes) {
   EXPECT_EQ(frame.tensor_to_contact(m), m);
 }
 
-TEST(ContactFrame, ItsAxesAreARotationWhoseSecondIsTheNormalWhereverThatPoints) {
+TEST(ContactFrame, AxesAreARotationOntoTheNormal) {
   std::vector<Vector3> normals{Vector3::UnitX(), -Vector3::UnitX(), Vector3::UnitZ(), -Vector3::UnitY(),
                                Vector3(1e-12, -1, 0).normalized()};
   for (int n = 0; n < 100; ++n) normals.push_back(Vector3::Random().normalized());
@@ -101,7 +101,7 @@ TEST(Renderers, FeelTissueThatLiesAskewAsTissueThatLiesLevel) {
 }
 
 // As along x (kalman_renderer_test): over round inclusions, across them and aslant.
-TEST(KalmanRenderer, FollowsRoundInclusionsWhicheverWayTheFingerGoes) {
+TEST(KalmanRenderer, FollowsRoundInclusionsBothWays) {
   const AnalyticTissue tissue = solid_tissue();
   for (const Vector3& way : {Vector3(0, 0, 1), Vector3(0, 0, -1), Vector3(0.6, 0, 0.8)}) {
     KalmanRenderer kalman;
@@ -123,7 +123,7 @@ TEST(KalmanRenderer, FollowsRoundInclusionsWhicheverWayTheFingerGoes) {
 }
 
 // A plane scene's tissue gives no force across its plane, wherever the finger moves.
-TEST(Renderers, GivenTissueOfOnePlaneWhenTheFingerMovesAcrossItThenThereIsNoForceThatWay) {
+TEST(Renderers, PlaneTissueGivesNoForceAcross) {
   const AnalyticTissue tissue;
   for (const std::string& name : renderer_names()) {
     const auto renderer = make_renderer(name, 0.001);

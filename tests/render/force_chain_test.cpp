@@ -35,7 +35,7 @@ TEST(ForceLimits, SilenceFadesFromFiftyToHundredFiftyMilliseconds) {
   EXPECT_EQ(silence_gain(kNaN, limits), 0);
 }
 
-TEST(ForceLimits, SilenceScalesWithTheExpectedPeriodUpToHalfASecond) {
+TEST(ForceLimits, SilenceScalesWithTheExpectedPeriod) {
   EXPECT_DOUBLE_EQ(silence_limits(0.1).fade_s, 0.2);
   EXPECT_NEAR(silence_limits(0.1).zero_s, 0.5, 0.01);
   EXPECT_LT(silence_limits(2).zero_s, 0.5);
@@ -43,7 +43,7 @@ TEST(ForceLimits, SilenceScalesWithTheExpectedPeriodUpToHalfASecond) {
   EXPECT_DOUBLE_EQ(silence_limits(kNaN).fade_s, 0.05);
 }
 
-TEST(ForceLimits, GivenFewAnswersWhenOneIsATenthOfASecondOlderThanItCameThenItIsNotTooOld) {
+TEST(ForceLimits, FewAnswersMayBeATenthOfASecondOlder) {
   EXPECT_DOUBLE_EQ(age_limits(0.01).degraded_s, 0.25);
   EXPECT_GT(age_limits(0.1).degraded_s, 0.3);  // 10 Hz, 0.2 s late
   EXPECT_LT(age_limits(0.1).degraded_s, 0.32);
@@ -171,8 +171,7 @@ TEST(ForceChain, NothingIsOwedOfTheTimeBeforeAPause) {
 }
 
 // The force that a debt has taken comes back only as it is paid for: a finger that rests is not pushed.
-TEST(ForceChain,
-     GivenAModelThatGrowsUnderAFingerWhenNothingPaysForItThenItIsHeldWhereItIsPaidAndDoesNotShake) {
+TEST(ForceChain, UnpaidGrowthIsHeldWithoutShaking) {
   ForceChain chain({});
   ForceChainInput input = pressed(0);
   for (int n = 0; n <= 100; ++n) {  // 200 N/m, slowly to 12 mm
@@ -223,7 +222,7 @@ TEST(ForceChain, RunawayIsSaidNotStepped) {
 }
 
 // A display that pushes a finger which gives way: energy flows out of it.
-TEST(ForceChain, GivenEnergyGeneratedBeyondTheLimitWhenItIsNotPaidBackThenDegradedAndFaded) {
+TEST(ForceChain, GeneratedEnergyDegradesAndFades) {
   ForceChainOptions options;
   options.limits.largest_damping_n_s_m = 0;  // a controller that cannot help
   ForceChain chain(options);
@@ -259,7 +258,7 @@ TEST(ForceChain, GivenEnergyGeneratedBeyondTheLimitWhenItIsNotPaidBackThenDegrad
   EXPECT_NEAR(settle(rubbing, input, 3000), 1, 1e-9);
 }
 
-TEST(ForceChain, GivenAModelThatIsTooOldNowAndThenWhenAnswersComeThenTheForceIsNotShaken) {
+TEST(ForceChain, ModelTooOldNowAndThenDoesNotShake) {
   ForceChain chain({});
   ForceChainInput input = pressed(1.0);
   double low = 1e9, high = 0;
@@ -275,7 +274,7 @@ TEST(ForceChain, GivenAModelThatIsTooOldNowAndThenWhenAnswersComeThenTheForceIsN
 }
 
 // GIVEN a device that reports no velocity WHEN its position jumps THEN that is a runaway, whatever it says.
-TEST(ForceChain, APositionThatJumpsIsTooFastThoughNoVelocityIsReported) {
+TEST(ForceChain, JumpOfThePositionIsTooFast) {
   ForceChain chain{ForceChainOptions()};
   ForceChainInput input;
   input.on = true;

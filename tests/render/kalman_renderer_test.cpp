@@ -97,7 +97,7 @@ TEST(KalmanRenderer, IsBetterThanForceOnly) {
   EXPECT_LE(2 * with_tangent, sweep(force_only, 0.005, 0.005).percentile(0.95));
 }
 
-TEST(KalmanRenderer, ConvergesToTheStiffnessUnderNoiseAndKnowsHowWell) {
+TEST(KalmanRenderer, ConvergesUnderNoiseAndStatesHowWell) {
   // GIVEN a filter told of small walk and of 2 % noise, WHEN 400 noisy answers of a spring arrive
   KalmanOptions options{.use_tangent = false,
                         .stiffness_walk_share = 0,
@@ -218,7 +218,7 @@ TEST(KalmanRenderer, PressSlideReleaseDoesNoWork) {
   EXPECT_LE(std::abs(work_j), 0.04 * stored_j);
 }
 
-TEST(KalmanRenderer, GivenAnAnswerFarBehindWhenItIsRenderedThenItsGradientIsGivenUpContinuously) {
+TEST(KalmanRenderer, GivesUpADistantGradientSmoothly) {
   KalmanRenderer kalman;
   const AnalyticTissue tissue;
   const ForceSample answer = tissue.answer({0.025, 0.004, 0});
@@ -238,7 +238,7 @@ TEST(KalmanRenderer, GivenAnAnswerFarBehindWhenItIsRenderedThenItsGradientIsGive
     EXPECT_NEAR(stiffness(x_m), stiffness(x_m + 1e-5), 0.002 * there) << x_m;
 }
 
-TEST(KalmanRenderer, GivenTissueForeseenWhenTheFingerArrivesThenItIsThereAtOnce) {
+TEST(KalmanRenderer, ForeseenTissueIsThereAtOnce) {
   KalmanRenderer kalman;
   const AnalyticTissue tissue;
   EXPECT_TRUE(kalman.update(tissue.told({0.03, -0.002, 0}), at(0.03, -0.002), 0));
@@ -250,7 +250,7 @@ TEST(KalmanRenderer, GivenTissueForeseenWhenTheFingerArrivesThenItIsThereAtOnce)
   EXPECT_EQ(first.withheld, 0);
 }
 
-TEST(KalmanRenderer, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceEndsWithoutAJump) {
+TEST(KalmanRenderer, LostCoverageEndsTheForceSmoothly) {
   KalmanRenderer kalman;
   for (double t = 0; t < 0.1; t += 0.001) {
     kalman.update(spring(400, 0.003, t), at(0, 0.003), t);
@@ -272,7 +272,7 @@ TEST(KalmanRenderer, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceE
   EXPECT_EQ(kalman.render(at(0.1, 0.003), 60).force_n.norm(), 0);
 }
 
-TEST(KalmanRenderer, GivenAHarderModelWhenTheFingerRestsThenItComesAsItIsPaidFor) {
+TEST(KalmanRenderer, HarderModelComesAsItIsPaidFor) {
   KalmanRenderer kalman;
   double t = 0;
   for (; t < 0.3; t += 0.003) kalman.update(spring(200, 0.004, t), at(0, 0.004), t);

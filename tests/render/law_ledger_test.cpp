@@ -135,7 +135,7 @@ TEST(LawLedger, OfAForceThatIsTakenOnlyWhatIsLeftEarns) {
 }
 
 // Pressed, another law, slid off and on again while that is blended in, and lifted.
-TEST(LawLedger, AChangeOfLawUnderAPressedFingerGivesNoEnergyNeitherAtTheCapsNorAtTheFlankOfAnInclusion) {
+TEST(LawLedger, ChangeOfLawUnderAFingerGivesNoEnergy) {
   for (const double max_n :
        {3.3, 0.35})  // the second is reached, where a harder law holds more at the same force
     for (const double stiffest_n_m : {700.0, 150.0})
@@ -166,7 +166,7 @@ TEST(LawLedger, AChangeOfLawUnderAPressedFingerGivesNoEnergyNeitherAtTheCapsNorA
 }
 
 // From a law to answers alone and back, by the borders of what the law covers.
-TEST(LawLedger, OverABorderOfCoverageNoEnergyIsHadThatTheAnswersAloneWouldNotGive) {
+TEST(LawLedger, BorderOfCoverageGivesNoMoreThanAnswers) {
   for (const double border : {0.030, 0.034, 0.038, 0.046})
     for (const bool out : {true, false}) {
       Loop loop;
@@ -185,7 +185,7 @@ TEST(LawLedger, OverABorderOfCoverageNoEnergyIsHadThatTheAnswersAloneWouldNotGiv
 
 // Windows that go, and tissue that no window covers: the force ends in a fifth of a second, and gives
 // nothing.
-TEST(LawLedger, WhereTheTissueEndsUnderAPressedFingerItsForceGoesGraduallyAndIsNoGift) {
+TEST(LawLedger, EndOfTissueTakesTheForceGradually) {
   Loop loop;
   loop.answers(tissue_of(3), 1);
   loop.law(test::law_of(tissue_of(3), 1, -0.02, 0.07));
@@ -203,7 +203,7 @@ TEST(LawLedger, WhereTheTissueEndsUnderAPressedFingerItsForceGoesGraduallyAndIsN
 
 // Off by more than it states in four answers running: not rendered any more within 50 ms of the fourth, and
 // the filter's model takes over, paid for.
-TEST(LawLedger, AWrongLawIsDroppedAtTheFourthAnswerAndTheFilterTakesOverWithinTheLedger) {
+TEST(LawLedger, FilterReplacesAWrongLawWithinTheLedger) {
   for (const double is : {1.0, 4.0}) {
     Loop loop;
     loop.answers(tissue_of(2), 1, 0);
@@ -279,7 +279,7 @@ class Chained {
 };
 
 // Faded, pressed deeper for little, and answered again.
-TEST(LawLedger, AForceThatFadedInAStallComesBackNoDearerThanItWasGivenUp) {
+TEST(LawLedger, FadedForceReturnsAtWhatItWasGivenUpFor) {
   for (const double stalled_s : {0.2, 0.38, 0.44}) {
     Chained touch;
     touch.move(0.003, 0.1, 0, 0, true);
@@ -306,7 +306,7 @@ TEST(LawLedger, AForceOfAnswersThatFadedInAStallIsPaidForToo) {
   EXPECT_GT(touch.in_j(), -kRounding * touch.held_j());
 }
 
-TEST(LawLedger, AForceThatIsNotPaidForIsSaidAndWholeWhenPressedAnew) {
+TEST(LawLedger, UnpaidForceIsSaidAndWholeWhenPressedAnew) {
   Chained touch;
   touch.move(0.003, 0.1, 0, 0, true);
   touch.move(0.003, 0.4, 0, 0.42, true);

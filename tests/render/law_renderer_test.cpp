@@ -85,7 +85,7 @@ TEST(LawRenderer, ALoopThroughTheCapsGivesNothing) {
 }
 
 // Nothing is dissipated: a softer law is felt within a fifth of a second, a harder one's surplus is withheld.
-TEST(LawRenderer, AnotherLawUnderAPressedFingerIsFeltGraduallyAndPaidFor) {
+TEST(LawRenderer, NewLawUnderAFingerIsFeltGradually) {
   for (const double after : {0.5, 6.0}) {
     Rendering law;
     law.renderer.take_law(law_of(3, 1));

@@ -14,7 +14,7 @@ using test::at;
 using test::law_of;
 using test::Rendering;
 
-TEST(LawRenderer, ALawThatAnswersContradictIsDroppedAfterFourInARow) {
+TEST(LawRenderer, DropsALawAfterFourContradictions) {
   Rendering law;
   law.renderer.take_law(law_of(3));
   law.answer(0.02, -0.001, 1);
@@ -44,7 +44,7 @@ TEST(LawRenderer, ALawThatAnswersContradictIsDroppedAfterFourInARow) {
 }
 
 // By half more than it states: in four places it is wrong, in one it may be a ripple.
-TEST(LawRenderer, ALawThatIsOffByMoreThanItStatesIsDroppedWhereAFingerThatMovesFindsItSo) {
+TEST(LawRenderer, MovingFingerFindsALawWrong) {
   for (const bool moves : {true, false}) {
     Rendering law;
     law.renderer.take_law(law_of(0));
@@ -62,7 +62,7 @@ TEST(LawRenderer, ALawThatIsOffByMoreThanItStatesIsDroppedWhereAFingerThatMovesF
 }
 
 // Windows of versions of their own, each found wrong in its turn: none of them is rendered again.
-TEST(LawRenderer, LawsOfSeveralWindowsThatWereFoundWrongStayDropped) {
+TEST(LawRenderer, WrongLawsOfSeveralWindowsStayDropped) {
   Rendering law;
   NearLaw windows = law_of(3, 4);
   for (std::size_t i = 14; i < 17; ++i) windows.columns[i].version = 6;
@@ -114,7 +114,7 @@ TEST(LawRenderer, WhatContradictsOneLawDoesNotCountAgainstAnother) {
 }
 
 // Of a solid answers are corrected beside, and what comes first of a law is a guess.
-TEST(LawRenderer, IsNotDroppedForAnswersThatSayTheyAreOffNorAsAGuess) {
+TEST(LawRenderer, KeepsGuessesAndIgnoresDoubtfulAnswers) {
   for (const double states : {0.05, 0.0}) {
     for (const bool corrected : {true, false}) {
       Rendering law;

@@ -50,7 +50,7 @@ std::vector<Vector3> felt(const std::vector<std::pair<double, double>>& versions
   return forces;
 }
 
-TEST(Versions, OfAnswersAtAFixedPoseAreFeltByLessThanSevenPercentInTenMilliseconds) {
+TEST(Versions, AreFeltByUnderSevenPercentInTenMilliseconds) {
   constexpr std::size_t kTicks = 10;
   const double kUnfeltN = kTicks * PotentialBlendOptions{}.unfelt_jump_n;  // else nothing would take for ever
   for (const auto& [before, after] : {std::pair{100.0, 108.0}, {100.0, 40.0}, {60.0, 240.0}, {200.0, 20.0}})

@@ -45,7 +45,7 @@ TEST(Inclusions, NoiseAloneInventsNone) {
     EXPECT_TRUE(find_inclusions(noisy_map({}, seed), {}).found.empty());
 }
 
-TEST(Inclusions, OneThatIsNotThereIsMissedAndOneThatIsNotTrueIsInvented) {
+TEST(Inclusions, AbsentIsMissedAndUntrueIsInvented) {
   const std::vector<Inclusion> shown{{0.030, 0.012, 0.008, 3.0}}, truth{{0.0361, 0.012, 0.008, 3.0}};
   const InclusionReport report = find_inclusions(noisy_map(shown), truth);
   EXPECT_EQ(report.match[0], -1) << "6.1 mm away is not the same";

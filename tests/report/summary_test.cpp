@@ -94,7 +94,7 @@ TEST(Summary, ARestingFingerAddsNoTouches) {
   EXPECT_FALSE(target(s, "touch_rate_hz")["met"].get<bool>());
 }
 
-TEST(Summary, AnswersThatCheckALawAreFewerAndTheRoundTripIsNoneOfTheServicesTime) {
+TEST(Summary, TargetsAllowForLawsAndTheRoundTrip) {
   TouchRecord record = touch();
   const auto summed = [&] {
     return summarise(tissue(), record, acquire(), force(), one_found_one_missed_one_invented(), "1.2.3");
@@ -151,7 +151,7 @@ TEST(Summary, DoubtIsCountedWhereTheRecordingSaysIt) {
   EXPECT_EQ(summed()["service_degraded"]["count"].get<int>(), 1);
 }
 
-TEST(Summary, SaysWhichInclusionsWereMissedAndInventedWithBothContrasts) {
+TEST(Summary, NamesMissedAndInventedInclusions) {
   const json s = summary();
   EXPECT_EQ(s["inclusions"]["missed"].get<int>(), 1);
   ASSERT_EQ(s["inclusions"]["false"].size(), 1u);

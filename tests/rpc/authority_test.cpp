@@ -302,7 +302,7 @@ INSTANTIATE_TEST_SUITE_P(Everywhere, Authority, testing::ValuesIn(kTransports), 
   return name;
 });
 
-TEST(MutualTls, WithoutACertificateOfTheAuthorityThereIsNoConnection) {
+TEST(MutualTls, NeedsACertificateOfTheAuthority) {
   GuardedServer server(Transport::kMutualTls, entries());
   const Identity foreign = make_authority("foreign");
   const Shown without{server.channel(), "administrator-token"},

@@ -16,7 +16,7 @@ namespace {
 
 using grpc::Status, grpc::StatusCode;
 
-TEST(CallLife, IsFinishedOnceByWhoeverEndsItAndTheFirstReasonCounts) {
+TEST(CallLife, EndsOnceWithTheFirstReason) {
   CallLife life;
   EXPECT_TRUE(life.status().ok());
   EXPECT_FALSE(life.ended_at());

@@ -107,7 +107,7 @@ bool soon(Condition condition) {
   return condition();
 }
 
-TEST(Cancelled, ACallThatWaitsForImagingLeavesTheQueueAtOnceWithAllThatItHolds) {
+TEST(Cancelled, WaitingCallLeavesTheQueueAtOnce) {
   std::atomic<bool> enough{false};
   RunningServer server;
   server->make_ready();

@@ -121,7 +121,7 @@ TEST(TlsFiles, ThatDoNotFitAreRefusedAtTheStart) {
 }
 
 // What gRPC reads is a copy, of files alone that fit.
-TEST(TlsFiles, ThatArePipesDevicesOrDoNotFitForAWhileAreNotTakenAndTheNextOnesAre) {
+TEST(TlsFiles, UnfitFilesAreNotTakenAndTheNextAre) {
   AccessFolder folder;
   const Identity authority = make_authority("test");
   const auto text_of = [](const std::string& path) {

@@ -65,7 +65,7 @@ class TwoDevices : public testing::Test {
   RunningServer server{"", "", {}, tissue_models(), two_devices()};
 };
 
-TEST_F(TwoDevices, ScenesAreImagedOnDevicesOfTheirOwnWithBudgetsOfTheirOwn) {
+TEST_F(TwoDevices, ImageScenesWithBudgetsOfTheirOwn) {
   placed();
   const v1::GetInfoResponse told = info();
   ASSERT_EQ(told.devices_size(), 2);
@@ -78,7 +78,7 @@ TEST_F(TwoDevices, ScenesAreImagedOnDevicesOfTheirOwnWithBudgetsOfTheirOwn) {
   EXPECT_EQ(held["device 1"], server->core().memory->held(place_of_device(1)));
 }
 
-TEST_F(TwoDevices, OfOneThatFailsTheScenesGoToTheOtherAndNobodyElseIsDisturbed) {
+TEST_F(TwoDevices, ScenesLeaveOneThatFails) {
   ASSERT_TRUE(server.create(uniform_scene("touched")).ok());
   const auto [first, second] = placed();
   Bystander touching(server.channel(), "touched");
@@ -103,7 +103,7 @@ TEST_F(TwoDevices, OfOneThatFailsTheScenesGoToTheOtherAndNobodyElseIsDisturbed) 
   EXPECT_EQ(touching.failures(), 0);
 }
 
-TEST_F(TwoDevices, OneThatHangsKeepsNobodyElseWaitingAndItsScenesGoToTheOther) {
+TEST_F(TwoDevices, ScenesLeaveOneThatHangs) {
   const auto [first, second] = placed();
   ImagingLane& hanging = plane().lanes()[0];
   std::promise<void> release;
@@ -124,7 +124,7 @@ TEST_F(TwoDevices, OneThatHangsKeepsNobodyElseWaitingAndItsScenesGoToTheOther) {
 }
 
 // Its pair was about to be published when the device began to hang.
-TEST_F(TwoDevices, OneThatGoesOnAfterItHungPublishesNothingOverWhatIsNewer) {
+TEST_F(TwoDevices, ResumedOnePublishesNothingOverNewerWindows) {
   const auto [first, second] = placed();
   ImagingLane& hanging = plane().lanes()[0];
   const EstimateRequest request =
@@ -160,7 +160,7 @@ TEST_F(TwoDevices, OneThatGoesOnAfterItHungPublishesNothingOverWhatIsNewer) {
   EXPECT_EQ(server->core().scenes.find(first)->snapshot()->version, version);
 }
 
-TEST_F(TwoDevices, ASceneThatIsDeletedWhileTheSecondImagesItLeavesNothing) {
+TEST_F(TwoDevices, SceneDeletedWhileImagedLeavesNothing) {
   const auto [first, second] = placed();
   std::promise<void> release;
   JobTerms on_second;

@@ -131,7 +131,7 @@ TEST_F(Estimates, AWindowShowsWhatItWasMadeOf) {
   EXPECT_EQ(answer.model_stamp().instance(), e.taken_in().instance());
 }
 
-TEST_F(Estimates, WindowThatSticksOutOfTheSceneByHalfAMillimetreIsEstimated) {
+TEST_F(Estimates, WindowHalfAMillimetreOutsideIsEstimated) {
   const Outcome outcome = estimate(acquisition("scene", -0.0005), pair().pre, pair().post);
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
   EXPECT_EQ(scene().windows(0).covers().begin_x_m(), 0);

@@ -42,7 +42,7 @@ class SlowLog {
   const spdlog::level::level_enum level_ = spdlog::get_level();
 };
 
-TEST_F(Estimates, AnAnswerForWhichThereIsNoMemoryEndsItsCallAndNothingElse) {
+TEST_F(Estimates, AnswerWithoutMemoryEndsItsCallAlone) {
   v1::Acquisition a = acquisition();
   a.add_maps("youngs_modulus");
   const auto try_again = [&] { return estimate(a, pair().pre, pair().post); };

@@ -8,7 +8,7 @@
 namespace teletact::service {
 namespace {
 
-TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) {
+TEST_F(Estimates, SenselessAcquisitionsNameTheField) {
   using enum grpc::StatusCode;
   Bystander bystander(server->channel(), "s");
   const auto refused = [&](grpc::StatusCode code, const char* field, auto change) {
@@ -121,7 +121,7 @@ TEST_F(Estimates, AcquisitionsThatMakeNoSenseAreNamedWhileAnotherClientTouches) 
   EXPECT_EQ(scene().version(), 0U);
 }
 
-TEST_F(Estimates, BrokenUploadsAreNamedAndLeaveNothingBehindWhileAnotherClientTouches) {
+TEST_F(Estimates, BrokenUploadsLeaveNothingBehind) {
   Bystander bystander(server->channel(), "s");
   const auto& [pre, post] = pair();
   using enum grpc::StatusCode;

@@ -13,7 +13,7 @@ class ServedHalfSpace : public OnOneServer {
   static void SetUpTestSuite() { serve({}, std::make_shared<const HalfSpaces>()); }
 };
 
-TEST_F(ServedHalfSpace, IsTouchedWithForceAndTangentInThreeComponents) {
+TEST_F(ServedHalfSpace, AnswersInThreeComponents) {
   Toucher toucher(channel, "s");
   v1::TouchOpened opened;
   ASSERT_TRUE(toucher.opened(&opened));

@@ -69,7 +69,7 @@ TEST_F(Hostile, HugeRepeatedFieldsAreRefusedByName) {
   }
 }
 
-TEST_F(Hostile, AcknowledgementsOfAnswersThatWereNeverSentEndTheStream) {
+TEST_F(Hostile, AcknowledgingUnsentAnswersEndsTheStream) {
   for (const std::uint64_t acknowledged : {std::uint64_t{1}, std::uint64_t{1} << 40, UINT64_MAX}) {
     Toucher toucher(server->channel(), "s");
     ASSERT_TRUE(toucher.opened());

@@ -109,7 +109,7 @@ TEST_F(Plane, WhatCannotBeDoneInTimeIsRefusedBeforeItsUpload) {
   expect_refused(call.finish().status, grpc::StatusCode::DEADLINE_EXCEEDED, "could be done in");
 }
 
-TEST_F(Plane, WhatCannotBeDoneInTimeBesideOthersIsRefusedAtOnceWithATime) {
+TEST_F(Plane, LateWorkIsRefusedAtOnceWithATime) {
   std::promise<void> begun;  // by the same client: it is finished first
   const auto mine = endless(**server, "local", 1000, [&] { begun.set_value(); });
   begun.get_future().wait();

@@ -67,7 +67,7 @@ TEST(LawMessages, SayOfEachColumnWhatWasSampledAndItsOwnError) {
   }
 }
 
-TEST(LawMessages, SayOfASolidsLaneWhereItStandsAndWhetherItIsAGuess) {
+TEST(LawMessages, StateASolidLanesPlaceAndWhetherItIsAGuess) {
   LawPiece piece{7, 3, 11, 0, 0, true, {}};
   LawColumn& column = piece.columns.emplace_back();
   column.z_m = 0.012, column.lane_before_m = 0.006;

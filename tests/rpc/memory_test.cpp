@@ -47,7 +47,7 @@ TEST(Memory, IsReportedByPlaceAndKindAndReturnedWithTheScene) {
   EXPECT_EQ(held(info_of(server), "host"), before);
 }
 
-TEST(Memory, AClientBeyondItsShareIsRefusedWithTheSizesAndAnotherIsServed) {
+TEST(Memory, ClientBeyondItsShareIsRefusedAlone) {
   Limits limits;
   limits.host_memory_bytes = 20 << 20, limits.client_memory_share = 0.1;
   RunningServer server("", "", limits);

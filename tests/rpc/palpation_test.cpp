@@ -148,7 +148,7 @@ TEST_F(Palpation, NewestPoseWins) {
   EXPECT_EQ(answer.position_m(1), 0.0035);
 }
 
-TEST_F(Palpation, PosesThatMakeNoSenseEndTheirStreamAloneAndNameTheField) {
+TEST_F(Palpation, SenselessPosesEndTheirStreamAlone) {
   Toucher bystander(server->channel(), "s");
   ASSERT_TRUE(bystander.opened());
   struct Bad {

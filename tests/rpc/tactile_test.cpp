@@ -40,7 +40,7 @@ class TactileCalls : public OnOneServer {
   }
 };
 
-TEST_F(TactileCalls, AnImageOfASolidHasItsForceAndShowsWhatTheLumpDoes) {
+TEST_F(TactileCalls, ImageHasTheForceAndShowsTheLump) {
   ASSERT_TRUE(server->create(with_a_ball("solid")).ok());
   for (const bool pad : {false, true}) {
     v1::TouchOpen open = Toucher::open_on("solid");

@@ -89,7 +89,7 @@ const Fingertip kRadius4{.radius_m = 0.004}, kRadius14{.radius_m = 0.014};
 const Fingertip kPunch{.shape = FingertipShape::kFlatPunch, .radius_m = 0.004};
 const Fingertip kGaussian{.shape = FingertipShape::kNode, .footprint_m = 0.001};
 
-TEST(ContactLawOfAWindow, IsWithinHalfAPercentUnderTipsThatTheMeshResolves) {
+TEST(ContactLawOfAWindow, IsWithinHalfAPercentUnderResolvedTips) {
   const Case cases[] = {{"homogeneous, R 8", homogeneous(10e3), {}},
                         {"contrast 5, R 8", inclusion(10e3, 5, 0.09, 0.010, 0.005), {}},
                         {"contrast 30, R 8", inclusion(10e3, 30, 0.09, 0.008, 0.005), {}},

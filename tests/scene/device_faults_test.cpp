@@ -125,7 +125,7 @@ TEST_F(FaultyDevice, NanInASolidIsSaid) {
 }
 
 // By the nodes: shares, once they are learned, would answer in their place.
-TEST_F(FaultyDevice, HoweverSlowAFollowedFingerWaitsForNoCorrectionOfASolid) {
+TEST_F(FaultyDevice, SlowOneKeepsNoFingerWaiting) {
   TouchSession finger(solid(3e4), {.fingertip = {}, .path = SolvePath::kGradients}, slow_device());
   put_down(finger);
   std::size_t meanwhile = 0, corrected = 0;
@@ -189,7 +189,7 @@ TEST_F(FaultyDevice, HoweverSlowItIsAWornSolidIsAnswered) {
   EXPECT_NE(worn.warning.find("layers changed"), std::string::npos) << worn.warning;
 }
 
-TEST_F(FaultyDevice, LostAmidACorrectionOfASolidItIsSaidAndAnotherTakesItsPlace) {
+TEST_F(FaultyDevice, IsReplacedAmidACorrection) {
   const TouchOptions by_nodes{.fingertip = {}, .path = SolvePath::kGradients};
   TouchSession finger(solid(1.5e4), by_nodes, slow_device());
   put_down(finger);

@@ -149,7 +149,7 @@ TEST_F(Lease, OfASceneWhereAllAreSilentIsNobodysUntilOneIsHeard) {
   EXPECT_EQ(board.at(at(6)).position_m[0], 0.02);
 }
 
-TEST_F(Lease, OfASilentStreamIsTakenAgainByItsNextPoseWhenNobodyElseIsThere) {
+TEST_F(Lease, SilentStreamTakesItAgainIfAlone) {
   const Stream anna = board.join("anna", at(0));
   touch(anna, 0.01, 9);
   EXPECT_TRUE(steers(anna, 9));

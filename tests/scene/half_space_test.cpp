@@ -37,7 +37,7 @@ TEST_F(OnAHalfSpace, ForceAndTangentHaveThreeComponents) {
   EXPECT_LE(answer.contact.solve.relative_error, 1e-14);
 }
 
-TEST_F(OnAHalfSpace, ForceIsTheGradientOfTheEnergyAndTheTangentOfTheForce) {
+TEST_F(OnAHalfSpace, ForceAndTangentAreGradientsOfTheEnergy) {
   TouchSession session(scene, {}, nullptr);
   const Vector3 at = on_tilted_surface(0.06, -0.02, 0.002);
   const ContactAnswer here = session.solve(at).contact;
@@ -67,7 +67,7 @@ TEST_F(OnAHalfSpace, TheLightTouchThatWaitsIsBelowAlongTheNormal) {
     EXPECT_NEAR(answer.foreseen->contact.force_n[k], there.contact.force_n[k], 1e-9);
 }
 
-TEST_F(OnAHalfSpace, AnAnswerStandsThoughThereIsNoRoomForWhatMayBeTouchedNext) {
+TEST_F(OnAHalfSpace, AnswerStandsWithoutRoomForTheNext) {
   const Vector3 at = on_tilted_surface(0.05, 0, 0.002);
   for (const auto full :
        {+[] { throw MemoryRefused("the budget"); }, +[] { throw DeviceMemoryError("the device"); },
@@ -120,7 +120,7 @@ TEST_F(OnAHalfSpace, ItsLastPlaceIsTouched) {
   EXPECT_EQ(session.solve(on_tilted_surface(kWidthM, 0, 0.001)).status, TouchStatus::kOk);
 }
 
-TEST_F(OnAHalfSpace, AForceThatItsModelHardlyKnowsIsDegradedAndSaysWhy) {
+TEST_F(OnAHalfSpace, UncertainForceIsDegradedAndSaysWhy) {
   const Vector3 at = on_tilted_surface(0.05, 0, 0.001);
   EXPECT_EQ(TouchSession(scene_of(HalfSpaces({1e-3})), {}, nullptr).solve(at).status, TouchStatus::kOk);
   const TouchAnswer answer = TouchSession(scene_of(HalfSpaces({0.01})), {}, nullptr).solve(at);

@@ -45,7 +45,7 @@ ExplicitModulus uniform_modulus(std::size_t columns, std::size_t rows) {
           std::vector<double>(columns * rows, 10e3)};
 }
 
-TEST(SceneMemory, EmptyScenesOfTheLargestSizeCostLessThanAMebibyteEach) {
+TEST(SceneMemory, LargestEmptySceneTakesUnderAMebibyte) {
   const auto budget = budget_of(1024 * kMiB);
   const std::uint64_t before = allocated();
   Scenes scenes({}, {}, machine_files(), budget);
@@ -92,7 +92,7 @@ TEST(SceneMemory, EverythingIsGivenBackWithTheScene) {
   EXPECT_TRUE(budget->uses().empty());
 }
 
-TEST(SceneMemory, AClientAtItsShareIsRefusedAndLeavesNothingAndOthersAreServed) {
+TEST(SceneMemory, ClientAtItsShareIsRefusedAlone) {
   const auto budget = budget_of(40 * kMiB, 0.1);
   Scenes scenes({}, {}, machine_files(), budget);
   const auto create = [&](const std::string& id, std::size_t columns, const std::string& client) {

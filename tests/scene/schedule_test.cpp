@@ -160,7 +160,7 @@ TEST(Schedule, ADeviceGoesOnWhileOneOfItsJobsNeedsWhatAnothersHas) {
   EXPECT_TRUE(schedule.take(needs, &scene));
 }
 
-TEST(Schedule, InTheBackgroundClientsTakeTurnsWhateverTheyTakeAndNothingIsInterrupted) {
+TEST(Schedule, BackgroundClientsTakeTurns) {
   Schedule schedule;
   const Time now = Plane::at(1000);
   const auto add = [&](const char* client) {
@@ -183,7 +183,7 @@ TEST(Schedule, InTheBackgroundClientsTakeTurnsWhateverTheyTakeAndNothingIsInterr
   EXPECT_EQ(done, (std::vector<Schedule::Id>{all[0], first_of_b, all[1], second_of_b, all[2]}));
 }
 
-TEST(Schedule, EarliestDeadlineFirstWithinAClientAndWhatIsBegunIsFinished) {
+TEST(Schedule, TakesTheEarliestDeadlineOfAClientFirst) {
   Plane plane;
   const auto begun = plane.add("a", 1);
   plane.run(1000.5);

@@ -53,7 +53,7 @@ TEST(SolidScene, IsTouchedInThreeDimensions) {
 
 // Corrections are made beside: a finger that moves is answered without them, and says what it is off by; one
 // that rests is soon off by no more than is asked.
-TEST(SolidScene, AFingerThatMovesIsFollowedAndOneThatRestsConverges) {
+TEST(SolidScene, FollowsAMovingFingerAndConvergesAtRest) {
   const auto scene = scene_of(with_ball());
   TouchSession session(scene, {}, test_device()), exact(scene_of(with_ball()), {}, test_device());
   const auto settled = [](TouchSession& finger, double x_m) {
@@ -236,7 +236,7 @@ TEST(SolidScene, RefusesSmallRequestsForLargeBlocks) {
   refused(even(57, 0.05), {0, 0.3}, {0, 9.223372036854775e15, 1.8446744073709550e16}, "modulus.z_m: reaches");
 }
 
-TEST(SolidScene, ATipIsNoWiderThanWhatIsAroundItAndSaysWhenTheMeshIsTooCoarse) {
+TEST(SolidScene, RefusesWideTipsAndSaysTooCoarseAMesh) {
   TouchOptions wide;
   wide.fingertip = {.shape = FingertipShape::kFlatPunch,
                     .friction = Friction::kFrictionless,
@@ -254,7 +254,7 @@ TEST(SolidScene, ATipIsNoWiderThanWhatIsAroundItAndSaysWhenTheMeshIsTooCoarse) {
 }
 
 // Over a hard ball the mesh of 2 mm is felt the more, the lighter the touch.
-TEST(SolidScene, AnswersSayWhatTheyMayBeOffByAndThatItIsMoreThanWasAsked) {
+TEST(SolidScene, AnswersSayWhenTheyMissTheTolerance) {
   TouchOptions options;
   options.tolerance = Tolerance{0.12, 0};
   TouchSession session(scene_of(with_ball()), options, test_device());

@@ -306,7 +306,7 @@ TEST_F(StateOnDisk, WindowsThatCannotBeAreSetAside) {
   }
 }
 
-TEST_F(StateOnDisk, KillsAtRandomMomentsNeitherRepeatAVersionNorLoseTheScene) {
+TEST_F(StateOnDisk, RandomKillsRepeatNoVersionAndLoseNoScene) {
   std::mt19937 random(11);
   std::uint64_t last = 0;
   for (int round = 0; round < 12; ++round) {
@@ -344,7 +344,7 @@ TEST_F(StateOnDisk, KillsAtRandomMomentsNeitherRepeatAVersionNorLoseTheScene) {
   EXPECT_FALSE(fs::exists(directory / "set-aside"));
 }
 
-TEST_F(StateOnDisk, DirectoryThatCannotBeWrittenOrIsTakenIsOneClearLine) {
+TEST_F(StateOnDisk, UnusableDirectoryIsOneClearLine) {
   std::ofstream(directory.string()) << "a file";
   EXPECT_THROW(Scenes{directory}, std::runtime_error);
   fs::remove(directory);

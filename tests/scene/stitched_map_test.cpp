@@ -87,7 +87,7 @@ TEST(StitchedMap, MeanWeighsACellByWhatOfItIsMeant) {
   EXPECT_NEAR(map.mean_modulus_pa(0.01, 0.03, 0.00975, 0.0105), 1.5 / (0.5 / 8e3 + 1 / 16e3), 10);
 }
 
-TEST(StitchedMap, WindowWithTooLittleValidIsRefusedAndChangesNothing) {
+TEST(StitchedMap, WindowWithTooLittleValidIsRefused) {
   StitchedMap map(tissue(0.04, 0.02));
   map.paste(window_of(homogeneous(10e3), 0, 0.04, 0.02));
   auto w = window_of(homogeneous(30e3), 0, 0.04, 0.02);

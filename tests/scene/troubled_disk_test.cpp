@@ -157,7 +157,7 @@ TEST(KeepingState, WhoTookOverAFullDiskPublishesOnceThereIsRoom) {
   publish();
 }
 
-TEST_F(TroubledDisk, AFailureAtAnyOperationRefusesTheSceneAndTheServiceGoesOn) {
+TEST_F(TroubledDisk, AnyFailureRefusesTheSceneAlone) {
   for (const int number : {ENOSPC, EIO})
     for (std::size_t at = 0; at < 18; ++at) {
       const auto own = std::make_shared<LosingDisk>();
@@ -180,7 +180,7 @@ TEST_F(TroubledDisk, AFailureAtAnyOperationRefusesTheSceneAndTheServiceGoesOn) {
     }
 }
 
-TEST(KeepingState, ASceneThatDoesNotFitIntoMemoryAtTheStartIsNotWrittenOver) {
+TEST(KeepingState, SceneBeyondMemoryIsNotWrittenOver) {
   const auto disk = std::make_shared<LosingDisk>();
   const ExplicitModulus large{uniform_coordinates(0, 0.1, 200), uniform_coordinates(0, 0.03, 20),
                               std::vector<double>(4000, 10e3)};

@@ -49,7 +49,7 @@ class FillsUp : public LosingDisk {
   }
 };
 
-TEST(VersionsOfAFullDisk, AreNotHandedOutByWhoStoodByUntilThereIsRoom) {
+TEST(VersionsOfAFullDisk, WaitForRoomAfterATakeover) {
   const auto disk = std::make_shared<FillsUp>();
   StateStore first("/state", {}, disk);
   const std::uint64_t used = VersionCounter(&first).next();
@@ -65,7 +65,7 @@ TEST(VersionsOfAFullDisk, AreNotHandedOutByWhoStoodByUntilThereIsRoom) {
   EXPECT_GT(versions.next(), used);
 }
 
-TEST_F(Versions, OfADiskThatTakesNoReservationEndWithTheBlockAndAreNotUsedTwice) {
+TEST_F(Versions, WithoutReservationEndWithTheBlock) {
   StateStore store("/state", {}, disk);
   VersionCounter versions(&store);
   disk->fail_from(0, ENOSPC);

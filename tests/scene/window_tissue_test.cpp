@@ -17,7 +17,7 @@ double smallest_step(const std::vector<double>& at, double begin, double end, bo
   return found;
 }
 
-TEST(WindowTissue, FineUnderTheFingerCoarseFarAwayAndInsideTheTissue) {
+TEST(WindowTissue, IsFineUnderTheFingerAndCoarseFarAway) {
   const SceneGeometry g = tissue(0.300, 0.040);
   const auto x = window_columns_m(g, 0.120, 0.180);
   EXPECT_NEAR(x.front(), 0.020, 1e-9);
@@ -57,7 +57,7 @@ TEST(WindowTissue, RowsCoverTheDepth) {
 }
 
 // Where the grid ends inside of the tissue nothing holds it.
-TEST(WindowTissue, TakesTheScenesThicknessAndItsSupportsWhereItReachesThem) {
+TEST(WindowTissue, TakesTheScenesThicknessAndSupports) {
   SceneGeometry g = tissue(0.400, 0.040);
   g.thickness_m = 0.021;
   g.supports.left = g.supports.right = EdgeSupport::kFixed;

@@ -352,7 +352,7 @@ class InTheBackground : public testing::Test {
   Workers worker;
 };
 
-TEST_F(InTheBackground, JobsAreDoneInTurnsOfThoseWhoseTheyAreAndInOrderForEach) {
+TEST_F(InTheBackground, OwnersTakeTurnsAndKeepTheirOrder) {
   for (const char* name : {"a1", "a2", "a3"}) post(name, "a");
   for (const char* name : {"b1", "b2"}) post(name, "b");
   post("c1", "c");

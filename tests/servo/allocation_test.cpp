@@ -31,7 +31,7 @@ class AllocationTest : public test::ServoTest, public ::testing::WithParamInterf
   std::unique_ptr<Renderer> rendering_;
 };
 
-TEST_P(AllocationTest, NothingThroughContactHandOverReconnectAndFault) {
+TEST_P(AllocationTest, ContactReconnectAndFaultAllocateNothing) {
   teletact::test::count_allocations(true);
   press_again();
   const double pressed_n = device.force.norm();

@@ -60,7 +60,7 @@ TEST(ClockOffset, UnequalWaysAreWithinTheBound) {
   }
 }
 
-TEST(ClockOffset, TheQuickestExchangeOfAJitteryLinkIsTheOneThatCounts) {
+TEST(ClockOffset, QuickestExchangeOfAJitteryLinkCounts) {
   // GIVEN 10 ms each way and up to 300 ms of queueing, 100 answers a second, clocks drifting by 60 ppm
   const OtherClock theirs{.offset_s = 40, .drift = 60e-6};
   ClockOffset offset;
@@ -87,7 +87,7 @@ TEST(ClockOffset, TheQuickestExchangeOfAJitteryLinkIsTheOneThatCounts) {
   std::printf("[ clock ] worst error %.4f s over 2 minutes; of single answers %.4f s\n", worst_s, naive_s);
 }
 
-TEST(ClockOffset, ADriftingClockIsFollowedAndOldExchangesAreForgotten) {
+TEST(ClockOffset, FollowsADriftingClock) {
   // GIVEN one perfect exchange, then 60 s of slower ones while the clocks drift apart by 90 ppm
   const OtherClock theirs{.drift = 90e-6};
   ClockOffset offset;

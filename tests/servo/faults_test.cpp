@@ -23,7 +23,7 @@ class FaultsTest : public ServoTest {
   void button(bool down) { device.reading.resume_pressed = down; }
 };
 
-TEST_F(FaultsTest, GivenAPressedFingerWhenTheDeviceIsLostThenTheForceFadesAndComesBackOnlyWhenResumed) {
+TEST_F(FaultsTest, LostDeviceFadesTheForceUntilResumed) {
   press_the_tissue();
   device.ok = false;
   double last_n = device.force.norm();
@@ -51,7 +51,7 @@ TEST_F(FaultsTest, GivenAPressedFingerWhenTheDeviceIsLostThenTheForceFadesAndCom
   EXPECT_LE((device.force - truth).norm(), 0.01 * truth.norm());
 }
 
-TEST_F(FaultsTest, GivenAButtonThatIsHeldWhenAFaultIsOverThenOnlyANewPressBringsForceBack) {
+TEST_F(FaultsTest, HeldButtonBringsNoForceBackAfterAFault) {
   put_finger(-0.003);
   run(0.05);
   button(true);
@@ -78,7 +78,7 @@ TEST_F(FaultsTest, GivenAButtonThatIsHeldWhenAFaultIsOverThenOnlyANewPressBrings
   }
 }
 
-TEST_F(FaultsTest, GivenAButtonThatSticksFromTheBeginningThenThereIsNoForce) {
+TEST_F(FaultsTest, ButtonThatSticksGivesNoForce) {
   button(true);
   put_finger(-0.003);
   run(0.5);
@@ -86,7 +86,7 @@ TEST_F(FaultsTest, GivenAButtonThatSticksFromTheBeginningThenThereIsNoForce) {
 }
 
 // A press that is not granted is not kept, however long the button stays down.
-TEST_F(FaultsTest, GivenAButtonPressedInContactWhenTheFingerIsLiftedThenThereIsNoForce) {
+TEST_F(FaultsTest, ButtonPressedInContactGivesNoForce) {
   put_finger(0.002);
   run(0.05);
   button(true);
@@ -96,7 +96,7 @@ TEST_F(FaultsTest, GivenAButtonPressedInContactWhenTheFingerIsLiftedThenThereIsN
   EXPECT_EQ(last.state, ServoState::kDisabled);
 }
 
-TEST_F(FaultsTest, ForceIsGivenOnlyWithTheWholeClearanceAboveTheSurface) {
+TEST_F(FaultsTest, ForceNeedsTheWholeClearance) {
   for (const double y_m : {0.0004, 0.0, -0.0004}) {
     put_finger(y_m);
     run(0.02);
@@ -136,7 +136,7 @@ TEST_F(FaultsTest, NothingIsRenderedOfWhatWasKnownBeforeAFault) {
 }
 
 // One answer is enough afterwards: it is no outlier of the old model, which is gone.
-TEST_F(FaultsTest, TheFirstAnswerAfterAFaultIsBelievedHoweverDifferent) {
+TEST_F(FaultsTest, FirstAnswerAfterAFaultIsBelieved) {
   press_the_tissue();
   put_finger(NAN);
   run(0.001);

@@ -44,7 +44,7 @@ struct Paced {
   std::unique_ptr<ServoLoop> servo = std::make_unique<ServoLoop>(device, renderer, clock, ServoOptions());
 };
 
-TEST(Pace, GivenALoopThatIsHeldUpWhenItGoesOnThenWhatIsPastIsNotMadeUpForAndThePhaseIsKept) {
+TEST(Pace, DoesNotMakeUpForPastTicks) {
   for (const std::int64_t held_ns : {300'000, 1'500'000, 50'300'000}) {
     Paced paced;
     paced.device.held_at = 5;
@@ -62,7 +62,7 @@ TEST(Pace, GivenALoopThatIsHeldUpWhenItGoesOnThenWhatIsPastIsNotMadeUpForAndTheP
   }
 }
 
-TEST(Pace, GivenWakeUpsThatAreLateThenEachIsCountedAndThePhaseIsKept) {
+TEST(Pace, CountsLateWakeUpsAndKeepsThePhase) {
   Paced paced;
   paced.clock.wake_late_ns = 1'500'000;
   paced.servo->run(paced.stop);

@@ -55,7 +55,7 @@ bool limit_locked_memory(std::size_t bytes) {
   return setrlimit(RLIMIT_MEMLOCK, &limit) == 0 && syscall(SYS_capset, &header, data.data()) == 0;
 }
 
-TEST(RealTime, GivenALimitOfLockedMemoryWhenItIsAskedForThenLaterAllocationsSucceed) {
+TEST(RealTime, ALimitOfLockedMemoryFailsNoAllocation) {
   // A limit that all of the process fits in, so that locking the whole of it would be granted; and a usual
   // one.
   for (const std::size_t spare : {8 * kMiB, std::size_t{0}})

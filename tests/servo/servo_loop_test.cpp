@@ -51,7 +51,7 @@ TEST_F(ServoTest, RendersTheTissueAfterTheRamp) {
   EXPECT_GT(truth.norm(), 0.5);
 }
 
-TEST_F(ServoTest, SilenceWhilePressedFadesToZeroWithin150Milliseconds) {
+TEST_F(ServoTest, SilenceFadesToZeroWithin150Milliseconds) {
   // GIVEN a finger pressed, WHEN the service dies
   enable();
   put_finger(0.004);
@@ -145,7 +145,7 @@ TEST_F(ServoTest, BadAnswersAreRejectedAndDoNotCountAsLife) {
   EXPECT_EQ(device.force.norm(), 0);
 }
 
-TEST_F(ServoTest, AnAnswerThatTheServiceDoubtsIsFeltAsItIsAndSaidInEveryTick) {
+TEST_F(ServoTest, DoubtedAnswerIsFeltAndSaidInEveryTick) {
   enable();
   put_finger(0.004);
   run(1);
@@ -162,7 +162,7 @@ TEST_F(ServoTest, AnAnswerThatTheServiceDoubtsIsFeltAsItIsAndSaidInEveryTick) {
   EXPECT_FALSE(last.service_degraded);
 }
 
-TEST_F(ServoTest, GivenAPositionThatIsNoNumberWhenTheFingerComesAnewThenTheTissueIsFeltAgain) {
+TEST_F(ServoTest, TissueIsFeltAgainAfterAPositionWithoutANumber) {
   enable();
   put_finger(0.004);
   run(1);
@@ -202,7 +202,7 @@ class BreakingRenderer final : public Renderer {
   KalmanRenderer good_;
 };
 
-TEST_F(ServoTest, ARendererThatGivesNoNumberIsAFaultUntilAPersonResumes) {
+TEST_F(ServoTest, RendererWithoutANumberIsAFaultUntilResumed) {
   BreakingRenderer breaking;
   servo = std::make_unique<ServoLoop>(device, breaking, clock, options);
   enable();
@@ -220,7 +220,7 @@ TEST_F(ServoTest, ARendererThatGivesNoNumberIsAFaultUntilAPersonResumes) {
   EXPECT_LE(largest_step_n, options.chain.limits.largest_slew_n_s * 0.001 + 1e-12);
 }
 
-TEST_F(ServoTest, AnAnswerThatIsNotBelievedDoesNotMakeTheModelYounger) {
+TEST_F(ServoTest, RejectedAnswerDoesNotMakeTheModelYounger) {
   enable();
   put_finger(0.004);
   run(1);
@@ -344,7 +344,7 @@ TEST(ServoWithHand, FeelsTheTissueWhileExploring) {
               percentile(errors, 0.95), percentile(errors, 1), device.hand().passes());
 }
 
-TEST(TickStatistics, LostForceIsWhatWasTakenNotTheEndThatWasAskedFor) {
+TEST(TickStatistics, LostForceLeavesOutTheEndAskedFor) {
   TickStatistics statistics;
   ServoTick tick;
   const auto go = [&](ServoState state, int ticks) {

@@ -49,7 +49,7 @@ std::vector<StateMachine> without_force() {
   return {StateMachine(), paused(), faulty()};
 }
 
-TEST(States, ForceIsGivenOnlyWhenAskedForOutOfContactWithAnswersAndNothingWrong) {
+TEST(States, ForceNeedsARequestOutOfContactAndAnswers) {
   for (const StateMachine& from : without_force()) {
     StateMachine granted = from;
     EXPECT_TRUE(granted.step(asked(), 300));

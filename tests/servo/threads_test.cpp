@@ -208,7 +208,7 @@ TEST(ServoThreads, ALoopThatCannotBeJoinedEndsTheProcess) {
   EXPECT_EXIT(life(20, false), stuck, "adapter did not return from a call");
 }
 
-TEST(ServoThreads, WhatIsThrownAroundTheLoopArrivesWhereItIsStopped) {
+TEST(ServoThreads, ExceptionArrivesWhereTheLoopIsStopped) {
   PressedDevice device;
   KalmanRenderer renderer;
   MonotonicClock clock;

@@ -10,7 +10,7 @@ namespace teletact::client {
 namespace {
 
 // Whatever renders: where no window covers the finger there is no force, though the link is alive.
-TEST(ServoLoop, GivenAPressedFingerWhenNothingIsCoveredAnyMoreThenTheForceEnds) {
+TEST(ServoLoop, LostCoverageEndsTheForce) {
   for (const char* name : {"law", "kalman"}) {
     const auto renderer = make_renderer(name, 0.001);
     test::StillDevice device;

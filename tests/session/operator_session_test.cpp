@@ -181,7 +181,7 @@ TEST(OperatorSession, EndsInTimeThoughItsSceneIsGone) {
   EXPECT_GE(summary.ticks.lost_s(), options.lost_s - 0.1);
 }
 
-TEST(OperatorSession, SaysWhichLayerIsTouchedWhereNoneLiesAtTheDepthAskedFor) {
+TEST(OperatorSession, NamesTheNearestLayerToTheDepth) {
   FakePalpation service(test::socket_address("layer"));
   service.layer_depth_m = 0.0139999999;
   service.serve();
@@ -228,7 +228,7 @@ TEST(OperatorSession, RefusesASweepBesideTheTissue) {
 }
 
 // The service is killed while the finger presses, and comes back.
-TEST(OperatorSession, ForceIsZeroWithin150MillisecondsOfAKillAndReturnsOnResume) {
+TEST(OperatorSession, KilledServiceLeavesNoForceUntilResumed) {
   FakePalpation service(test::socket_address("pressed"));
   service.serve();
   OperatorSessionOptions options = test::session_options(test::socket_address("pressed"));
@@ -306,7 +306,7 @@ class ThrowingSink final : public spdlog::sinks::base_sink<std::mutex> {
   std::string at_;
 };
 
-TEST(OperatorSession, AnExceptionWithForceOnEndsTheSessionNotTheProcess) {
+TEST(OperatorSession, ExceptionEndsTheSessionNotTheProcess) {
   FakePalpation service(test::socket_address("throws"));
   service.serve();
   OperatorSessionOptions options = test::session_options(test::socket_address("throws"));

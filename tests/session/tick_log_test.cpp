@@ -42,7 +42,7 @@ TEST_F(TickLogTest, SaysEveryStateOnceWithItsReason) {
   EXPECT_EQ(said_[1].rfind("W servo PAUSED: no answer", 0), 0u) << said_[1];
 }
 
-TEST_F(TickLogTest, SaysWhetherTheForceIsAContactLawsOnceInFiveSecondsAtMost) {
+TEST_F(TickLogTest, NamesTheLawOnceInFiveSeconds) {
   enable();
   tick_.by_law = true;
   tick_.round_trip_s = 0.1;
@@ -122,7 +122,7 @@ TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
                    "finger and press anew"}));
 }
 
-TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswerAndThatTheForceStays) {
+TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswer) {
   enable();
   tick_.service_degraded = true;
   run(100);

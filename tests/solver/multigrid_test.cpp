@@ -210,7 +210,7 @@ Array<T> values(const Queue& queue, const auto& v) {
   return queue.array(std::vector<T>(v.begin(), v.end()));
 }
 
-TYPED_TEST(Multigrid_, TransfersAndCoarseOperatorMatchTheDenseTripleProduct) {
+TYPED_TEST(Multigrid_, CoarseOperatorIsTheDenseTripleProduct) {
   using T = TypeParam;
   const Queue& queue = this->queue_;
   const BlockStencil s = random_stencil(14, 9, 10, 6);

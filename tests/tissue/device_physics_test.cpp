@@ -45,7 +45,7 @@ VectorXd forces(ElasticitySolver& solver, const VectorXd& u) {
   return Eigen::Map<const VectorXd>(f.data(), Index(f.size()));
 }
 
-TEST(DevicePhysics, RigidMotionsCarryNoForceAndTheOperatorIsSymmetric) {
+TEST(DevicePhysics, IsSymmetricAndKeepsRigidMotionsFree) {
   const TissueGrid grid = tests::uneven_grid(13, 9);
   const Material material = tests::scattered(grid, 100, 0.495);
   ElasticitySolver solver(device(), grid, Supports{}, material);

@@ -261,7 +261,7 @@ TEST(ElasticitySolver, RigidMotionOfAllEdgesIsFollowedWithoutForce) {
 
 // Layers and squares of contrast 1000, square and stretched elements: where other preconditioners stop. Under
 // a finger, to a force error of 1e-6, the chart counts at most 46 and 74.
-TEST(ElasticitySolver, HighContrastNearIncompressibilityTakesFewIterations) {
+TEST(ElasticitySolver, HighContrastTakesFewIterations) {
   if (!device()->queue().supports(Precision::kDouble)) GTEST_SKIP() << "device without double precision";
   constexpr std::size_t kElements = 40;
   for (const auto& [nu, most] : {std::pair{0.499, 60U}, {0.4999, 100U}})

@@ -60,7 +60,7 @@ std::vector<std::size_t> around(std::size_t column) {
 }
 
 // Positions all along several rows: far more columns than there is room for.
-TEST(ModelMemory, ColumnsByGradientsStayWithinTheBudgetAndTheirNumbersAreRight) {
+TEST(ModelMemory, GradientColumnsStayWithinTheBudget) {
   const std::uint64_t column = 12 * wide_grid().dofs(),
                       columns_bytes = 24 * column + 6 * kSolvingBytes;  // while six are solved
   const Budget unbounded(std::uint64_t{1} << 40, std::uint64_t{1} << 40);
@@ -133,7 +133,7 @@ TEST(ModelMemory, ASolverThatNobodyUsesGivesTheDeviceBack) {
   EXPECT_EQ(none.held(Place::kDevice), 0U);
 }
 
-TEST(ModelMemory, InteriorLayersAreGivenBackAndModelsAreRefusedBeforehand) {
+TEST(ModelMemory, LayersAreGivenBackAndLargeModelsRefused) {
   const Budget unbounded(std::uint64_t{1} << 40, 0);
   std::uint64_t with_one = 0;
   {

@@ -118,7 +118,7 @@ void expect_bounded(const std::vector<Case>& tissues) {
   EXPECT_LE(ratios[ratios.size() / 2], 1000);
 }
 
-TEST(Rounding, IsBoundedByWhatIsStatedAtAnySizeContrastAndPoissonRatio) {
+TEST(Rounding, IsBoundedByWhatIsStated) {
   expect_bounded(cases());
 }
 

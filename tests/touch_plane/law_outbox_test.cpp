@@ -130,7 +130,7 @@ TEST_F(Outbox, OwesANewVersionUntilItsColumnsAboutTheFingerAreSent) {
   EXPECT_TRUE(outbox.owes(*newer, {0.052}));
 }
 
-TEST_F(Outbox, OwesWhereANewVersionIsNotSampledYetAndWhenAnotherFollowsUntold) {
+TEST_F(Outbox, OwesUnsampledAndUntoldVersions) {
   snapshot.windows.pop_back();
   while (next(0.02)) {
   }

@@ -54,7 +54,7 @@ TEST_F(LookingOn, NobodyIsToldWhereNobodyLooks) {
   EXPECT_FALSE(scene->observers()->any());
 }
 
-TEST_F(LookingOn, TheNewestIsToldAtTheRateAndOnlyAfterTheLastWasAcknowledged) {
+TEST_F(LookingOn, NewestIsToldAfterTheLastWasAcknowledged) {
   Observer observer(scene, {.answers = true}, 10);
   const auto first = observer.due(begin, true, false);
   ASSERT_TRUE(first);

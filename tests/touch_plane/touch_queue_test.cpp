@@ -180,7 +180,7 @@ class Overload : public Turns {
   std::map<Id, Asks> asks;
 };
 
-TEST_F(Overload, LengthensThePeriodsOfWhoAsksForMostUntilNoQueueStands) {
+TEST_F(Overload, LengthensThePeriodsOfTheGreediest) {
   add("operator", 1, 2ms);
   add("greedy", 99, 1ms);
   run(5s, 100us);

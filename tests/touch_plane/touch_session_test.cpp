@@ -190,7 +190,7 @@ TEST_F(Session, FollowsANewerModelAtTheSamePlace) {
   EXPECT_NEAR(stiff.contact.force_n[1] / soft.contact.force_n[1], 3, 1e-3);
 }
 
-TEST_F(Session, ByGradientsColumnsAreSolvedAheadOfTheFingerAndNoAnswerTakesLong) {
+TEST_F(Session, GradientColumnsAreSolvedAheadOfTheFinger) {
   const auto device = Device::open();
   TouchOptions options;
   options.path = SolvePath::kGradients;

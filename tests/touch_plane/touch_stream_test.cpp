@@ -109,7 +109,7 @@ class StreamWithLaws : public testing::Test {
 };
 
 // Who feels a law must not be told of a version that it has none of.
-TEST_F(StreamWithLaws, AnswersFromTheVersionBeforeUntilTheNewLawIsTold) {
+TEST_F(StreamWithLaws, AnswersByTheOldVersionUntilTheLawIsTold) {
   const std::uint64_t first = publish(1e4);
   EXPECT_EQ(answered_version(), first);
   work();
@@ -130,7 +130,7 @@ TEST_F(StreamWithLaws, AnswersFromTheVersionBeforeUntilTheNewLawIsTold) {
 }
 
 // On a narrow link an answer takes as long as the columns around the finger.
-TEST_F(StreamWithLaws, WhatIsNearTheFingerGoesBeforeItsAnswerAndTwoPiecesOfTheRestAfterIt) {
+TEST_F(StreamWithLaws, NearPiecesGoBeforeTheAnswer) {
   publish(1e4);
   EXPECT_TRUE(std::holds_alternative<TouchStream::Opened>(stream.turn()));
   stream.written();
@@ -155,7 +155,7 @@ TEST_F(StreamWithLaws, WhatIsNearTheFingerGoesBeforeItsAnswerAndTwoPiecesOfTheRe
 }
 
 // Nothing is felt before the first answer. Later ones must not wait for what is being sampled.
-TEST_F(StreamWithLaws, OnlyTheFirstAnswerWaitsForALawThatIsBeingSampled) {
+TEST_F(StreamWithLaws, OnlyTheFirstAnswerWaitsForSampling) {
   publish(1e4);
   stream.bring({++sequence, 0, {kXM, 0.002, 0}, {}});
   EXPECT_TRUE(std::holds_alternative<TouchStream::Opened>(stream.turn()));

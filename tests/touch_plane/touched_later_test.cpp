@@ -66,7 +66,7 @@ TEST_F(TouchedLater, AnInteriorLayerIsNeverMadeByTheTouch) {
   EXPECT_EQ(session.solve({0.075, 0.012}).status, TouchStatus::kOk);
 }
 
-TEST_F(TouchedLater, ALayerThatTwoClientsWaitForIsMadeOnceAndInTheTurnOfEither) {
+TEST_F(TouchedLater, LayerOfTwoClientsIsMadeOnce) {
   TouchOptions annas = inside(), bertas = inside();
   annas.client = "anna", bertas.client = "berta";
   TouchSession anna(scene, annas, nullptr), berta(scene, bertas, nullptr);
@@ -93,7 +93,7 @@ TEST_F(TouchedLater, AnotherWindowThatIsNotReadyIsSaidAndHasNoForce) {
   EXPECT_EQ(session.solve({0.075, 0.012}).status, TouchStatus::kOk);
 }
 
-TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLayersInUse) {
+TEST_F(TouchedLater, NewModelsHaveTheLayersInUse) {
   TouchSession surface(scene, {}, nullptr);
   EXPECT_EQ(surface.solve({0.045, 0.002}).status, TouchStatus::kOk);
   EXPECT_TRUE(preparing.empty());
@@ -107,7 +107,7 @@ TEST_F(TouchedLater, TheSurfaceIsThereAtOnceAndNewModelsHaveTheLayersInUse) {
   EXPECT_GT(after.model_version, before.model_version);
 }
 
-TEST_F(TouchedLater, ByGradientsTheModelBeforeAnswersUntilTheNewOneIsReady) {
+TEST_F(TouchedLater, OldGradientModelAnswersUntilTheNewIsReady) {
   TouchOptions options;
   options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());
@@ -123,7 +123,7 @@ TEST_F(TouchedLater, ByGradientsTheModelBeforeAnswersUntilTheNewOneIsReady) {
   EXPECT_GT(session.solve({0.045, -0.001}).model_version, before.model_version);
 }
 
-TEST_F(TouchedLater, ByGradientsALayerSaysThatItKnowsNothingAndWhatItWants) {
+TEST_F(TouchedLater, UnknownGradientLayerSaysWhatItWants) {
   const TouchWay way{.path = SolvePath::kGradients, .device = Device::open()};
   const auto layer = scene->snapshot()->windows[0]->model->layer({}, way, {});
   const TouchPose pressed{{0.045, 0.002, 0}};
@@ -140,7 +140,7 @@ TEST_F(TouchedLater, ByGradientsALayerSaysThatItKnowsNothingAndWhatItWants) {
   EXPECT_TRUE(layer->wanted({}, pressed, choices::kWidestReach)) << "what it may touch next";
 }
 
-TEST_F(TouchedLater, ByGradientsADeviceThatFailsWhileALayerIsMadeIsSaid) {
+TEST_F(TouchedLater, DeviceFailureDuringGradientsIsSaid) {
   TouchOptions options;
   options.path = SolvePath::kGradients;
   TouchSession session(scene, options, Device::open());

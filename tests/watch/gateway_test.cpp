@@ -73,7 +73,7 @@ v1::Scene scene_of(std::uint64_t version, unsigned nx, unsigned ny) {
   return scene;
 }
 
-TEST(Gateway, GivesThePageToWhoHasTheTokenAndItsHeadersKeepOthersOut) {
+TEST(Gateway, GivesThePageOnlyToWhoHasTheToken) {
   const Watched w;
   const std::string page = w.get(w.path());
   EXPECT_TRUE(page.starts_with("HTTP/1.1 200")) << page.substr(0, 300);
@@ -126,7 +126,7 @@ TEST(Gateway, RefusesAWrongTokenAForeignHostAndAForeignOrigin) {
   EXPECT_EQ(w.gateway.viewers(), 0u);
 }
 
-TEST(Gateway, SendsTheNextFrameOnceTheLastIsPaintedAndThenTheNewest) {
+TEST(Gateway, SendsTheNewestFrameOnceTheLastIsPainted) {
   Watched w;
   w.ticks(50);
   WebPeer viewer(w.gateway.url());

@@ -58,7 +58,7 @@ class OneScene final : public v1::Palpation::Service {
   std::vector<v1::ObserveOpen> opens_;
 };
 
-TEST(SceneSource, LooksOnAgainAfterTheStreamHasEndedAndIsEndedAtOnce) {
+TEST(SceneSource, ReopensAnEndedStreamAndEndsAtOnce) {
   const std::string socket =
       (std::filesystem::temp_directory_path() / ("teletact-scene-source-" + std::to_string(getpid())))
           .string();

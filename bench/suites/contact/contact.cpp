@@ -5,7 +5,33 @@
 #include <cstdio>
 #include <memory>
 
+#include "bench/roofline_json.h"
+#include "bench/run_suite.h"
+
 namespace teletact::bench {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Rung, tolerance, seconds, iterations, force_error)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MethodFigures, method, ours, iterative, products_choice, declined, failed,
+                                   setup_s, touch_s, surface_s, one_solve_s, kept_bytes_per_unknown,
+                                   tolerance, iterations, force_error, displacement_error, stated_error,
+                                   goal_met, ladder)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ColumnFigures, failed, iterations, converged, stated_error, force_error)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseFigures, sweeps, columns, rows, poisson_ratio, contrast, pattern,
+                                   stretch, unknowns, contact_nodes, tip_radius_m, methods, by_columns)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LayerFigures, surface_s, all_layers_s)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowTissueFigures, columns, rows, ready_s, refreshed_s,
+                                   refreshed_difference)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Ripple, secant, tangent)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PathFigures, first_patch_s, warm_mean_s, warm_s, solving_s,
+                                   largest_force_error)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ProductFigures, layers, window_tissue, tangent_error, loop_work, ripple,
+                                   path)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MeshFigures, columns, touched_nodes, ready_s, force_error,
+                                   displacement_error)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ConvergenceFigures, pattern, contrast, finest_columns, meshes)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ContactFigures, force_goal, absent, device, threads, cases, product,
+                                   kernels, convergence)
+
 namespace {
 
 void print(const MethodFigures& m) {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -30,7 +29,6 @@ struct Rung {
   std::size_t iterations = 0;
   double force_error = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Rung, tolerance, seconds, iterations, force_error)
 
 // One method on one case. A figure that the method has none of has a count of 0, or is 0.
 struct MethodFigures {
@@ -46,10 +44,6 @@ struct MethodFigures {
   bool measured() const { return touch_s.count > 0; }
   double cold_s() const { return setup_s.p50 + touch_s.p50; }  // set-up and touch together
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MethodFigures, method, ours, iterative, products_choice, declined, failed,
-                                   setup_s, touch_s, surface_s, one_solve_s, kept_bytes_per_unknown,
-                                   tolerance, iterations, force_error, displacement_error, stated_error,
-                                   goal_met, ladder)
 
 // One touch as the product does it by conjugate gradients: columns of the compliance, its own precision and
 // tolerance.
@@ -59,7 +53,6 @@ struct ColumnFigures {
   bool converged = false;
   double stated_error = 0, force_error = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ColumnFigures, failed, iterations, converged, stated_error, force_error)
 
 struct CaseFigures {
   std::vector<std::string> sweeps;
@@ -75,33 +68,25 @@ struct CaseFigures {
     return std::find(sweeps.begin(), sweeps.end(), sweep) != sweeps.end();
   }
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseFigures, sweeps, columns, rows, poisson_ratio, contrast, pattern,
-                                   stretch, unknowns, contact_nodes, tip_radius_m, methods, by_columns)
 
 // Of the condensed touch: all layers, the window's tissue, tangent, work around a loop, ripple; of the
 // device: a moving finger.
 struct LayerFigures {
   Quantiles surface_s, all_layers_s;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LayerFigures, surface_s, all_layers_s)
 struct WindowTissueFigures {
   std::size_t columns = 0, rows = 0;
   Quantiles ready_s, refreshed_s;
   double refreshed_difference = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowTissueFigures, columns, rows, ready_s, refreshed_s,
-                                   refreshed_difference)
 struct Ripple {
   double secant = 0, tangent = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Ripple, secant, tangent)
 struct PathFigures {
   double first_patch_s = 0, warm_mean_s = 0;
   Quantiles warm_s, solving_s;
   double largest_force_error = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PathFigures, first_patch_s, warm_mean_s, warm_s, solving_s,
-                                   largest_force_error)
 struct ProductFigures {
   LayerFigures layers;
   WindowTissueFigures window_tissue;
@@ -109,23 +94,18 @@ struct ProductFigures {
   Ripple ripple;
   PathFigures path;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ProductFigures, layers, window_tissue, tangent_error, loop_work, ripple,
-                                   path)
 
 // One tip on one mesh, against a mesh twice as fine as the finest of them.
 struct MeshFigures {
   std::size_t columns = 0, touched_nodes = 0;
   double ready_s = 0, force_error = 0, displacement_error = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MeshFigures, columns, touched_nodes, ready_s, force_error,
-                                   displacement_error)
 struct ConvergenceFigures {
   std::string pattern;
   double contrast = 0;
   std::size_t finest_columns = 0;
   std::vector<MeshFigures> meshes{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ConvergenceFigures, pattern, contrast, finest_columns, meshes)
 
 struct ContactFigures {
   double force_goal = kForceGoal;
@@ -137,8 +117,6 @@ struct ContactFigures {
   KernelProfile kernels{};
   std::vector<ConvergenceFigures> convergence{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ContactFigures, force_goal, absent, device, threads, cases, product,
-                                   kernels, convergence)
 
 // Checks, then times one method on one case.
 MethodFigures measure_method(Peer&, const ContactProblem&, bool whole_ladder, bool quick);

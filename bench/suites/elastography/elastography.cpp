@@ -6,8 +6,45 @@
 #include <memory>
 
 #include "bench/basics/clock.h"
+#include "bench/roofline_json.h"
+#include "bench/run_suite.h"
+
+namespace teletact::service {
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ImageGrid, nx, ny, origin_x_m, origin_y_m, dx_m, dy_m)
+}  // namespace teletact::service
 
 namespace teletact::bench {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PhantomCase, strain, snr_db, correlation, contrast, diameter_m,
+                                   tissue_width_m)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TrackErrors, axial_rmse_m, axial_p95_m, axial_max_m, lateral_rmse_m,
+                                   valid_fraction, bias_m, hop_fraction)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StrainQuality, snre, cnre, rmse, bias)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(EdgeWidth, axial_m, lateral_m)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusQuality, contrast, dice, background, valid_fraction)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(SeedFigures, seconds, processor_s, errors, strain)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TrackerFigures, method, ours, edges, edges_of_middle, seeds)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Spread, seeds, rms, low, high)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CalibrationFigures, inside, outside)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Condition, of, factors, max_strain, peers_max_strain, bound_m,
+                                   window_bound_m, filter_snre, companded_filter_snre, calibration, methods)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(NamedImage, title, values)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StrainImages, grid, kernel_m, strain)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidPhase, shift_m, rmse_m, bias_m)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidMethod, method, ours, phases)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidFigures, bound_m, independent_lines, methods)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusSeed, failed, seconds, displacement_s, strain_s, quality)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusMethodFigures, method, ours, seeds, image)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusCase, contrast, diameter_m, methods)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusFigures, background_pa, judged, cases)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlaneTimes, displacement_s, strain_s, modulus_s, total_s, touch_latency_s)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StageFigures, direct, iterative, devices)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Failure, method, of, why)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WithoutFigure, method, of, seeds, of_seeds)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ElastographyFigures, edge_m, edge_rule, kernels_m, kernel_lateral_m,
+                                   device, threads, rigid, conditions, images, failures, without_figure,
+                                   modulus, stages, elapsed_s)
+
 namespace {
 
 void warm(const Trackers& trackers) {  // a first launch compiles

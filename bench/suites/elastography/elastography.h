@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -17,24 +16,12 @@
 #include "bench/roofline.h"
 #include "bench/suite.h"
 
-namespace teletact::service {
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ImageGrid, nx, ny, origin_x_m, origin_y_m, dx_m, dy_m)
-}  // namespace teletact::service
-
 namespace teletact::bench {
 
 constexpr double kKernelLateralM = 2.0e-3;  // of the strain, for all
 // Axial lengths of the strain kernel, odd numbers of nodes.
 std::vector<double> strain_kernels_m();
 constexpr double kEdgeM = 2.0e-3;  // the edge width at which SNRe and CNRe are compared
-
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PhantomCase, strain, snr_db, correlation, contrast, diameter_m,
-                                   tissue_width_m)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TrackErrors, axial_rmse_m, axial_p95_m, axial_max_m, lateral_rmse_m,
-                                   valid_fraction, bias_m, hop_fraction)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StrainQuality, snre, cnre, rmse, bias)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(EdgeWidth, axial_m, lateral_m)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusQuality, contrast, dice, background, valid_fraction)
 
 // Ours first, then others', ready to track.
 struct Trackers {
@@ -55,7 +42,6 @@ struct SeedFigures {
   TrackErrors errors;
   std::vector<StrainQuality> strain;  // [kernel]
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(SeedFigures, seconds, processor_s, errors, strain)
 
 struct TrackerFigures {
   std::string method;
@@ -76,18 +62,15 @@ struct TrackerFigures {
   // seed; NaN stays, so that seeds of two methods pair.
   std::vector<double> at_edge(double StrainQuality::*figure) const;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TrackerFigures, method, ours, edges, edges_of_middle, seeds)
 
 // Deviation of the default's standardised errors of every seed; its root mean square and 95 % interval.
 struct Spread {
   std::vector<double> seeds;
   double rms = 0, low = 0, high = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Spread, seeds, rms, low, high)
 struct CalibrationFigures {
   Spread inside, outside;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CalibrationFigures, inside, outside)
 
 // A phantom, the curves that it lies on ("middle", "strain", "snr", "correlation", "contrast", "diameter"),
 // bounds, and every method on it.
@@ -102,72 +85,59 @@ struct Condition {
     return std::find(factors.begin(), factors.end(), factor) != factors.end();
   }
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Condition, of, factors, max_strain, peers_max_strain, bound_m,
-                                   window_bound_m, filter_snre, companded_filter_snre, calibration, methods)
 
 struct NamedImage {
   std::string title;
   std::vector<double> values;  // of every node, NaN for none
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(NamedImage, title, values)
 // Strain of the middle's first seed, the truth first.
 struct StrainImages {
   service::ImageGrid grid;
   double kernel_m = 0;
   std::vector<NamedImage> strain;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StrainImages, grid, kernel_m, strain)
 
 struct RigidPhase {
   double shift_m = 0, rmse_m = 0, bias_m = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidPhase, shift_m, rmse_m, bias_m)
 struct RigidMethod {
   std::string method;
   bool ours = false;
   std::vector<RigidPhase> phases{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidMethod, method, ours, phases)
 struct RigidFigures {
   double bound_m = 0, independent_lines = 0;
   std::vector<RigidMethod> methods{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RigidFigures, bound_m, independent_lines, methods)
 
 struct ModulusSeed {
   std::string failed;  // why there is no map
   double seconds = 0, displacement_s = 0, strain_s = 0;
   ModulusQuality quality{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusSeed, failed, seconds, displacement_s, strain_s, quality)
 struct ModulusMethodFigures {
   std::string method;
   bool ours = false;
   std::vector<ModulusSeed> seeds{};
   std::vector<double> image{};  // of the first seed
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusMethodFigures, method, ours, seeds, image)
 struct ModulusCase {
   double contrast = 0, diameter_m = 0;
   std::vector<ModulusMethodFigures> methods{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusCase, contrast, diameter_m, methods)
 struct ModulusFigures {
   double background_pa = 0;
   std::string judged = "nodes of which every method says something, and all within 1.3 radii";
   std::vector<ModulusCase> cases{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusFigures, background_pa, judged, cases)
 
 struct PlaneTimes {
   Quantiles displacement_s, strain_s, modulus_s, total_s, touch_latency_s;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlaneTimes, displacement_s, strain_s, modulus_s, total_s, touch_latency_s)
 struct StageFigures {
   PlaneTimes direct, iterative;  // beside a touch stream
   std::vector<KernelProfile> devices;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StageFigures, direct, iterative, devices)
 
 // Where a method stops working along a factor.
 struct Failure {
@@ -175,14 +145,12 @@ struct Failure {
   PhantomCase of;
   std::string why;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Failure, method, of, why)
 // Where a method has no SNRe at the edge width of the comparison at some seeds.
 struct WithoutFigure {
   std::string method;
   PhantomCase of;
   std::size_t seeds = 0, of_seeds = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WithoutFigure, method, of, seeds, of_seeds)
 
 struct ElastographyFigures {
   double edge_m = kEdgeM;
@@ -205,9 +173,6 @@ struct ElastographyFigures {
   std::map<std::string, double> elapsed_s{};  // of each part
   const Condition& middle() const { return conditions.at(0); }
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ElastographyFigures, edge_m, edge_rule, kernels_m, kernel_lateral_m,
-                                   device, threads, rigid, conditions, images, failures, without_figure,
-                                   modulus, stages, elapsed_s)
 
 // The middle first.
 std::vector<Condition> measure_conditions(const Trackers&, bool quick, StrainImages&);

@@ -13,7 +13,7 @@
 #include <memory>
 
 #include "bench/curves.h"
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 #include "client/acquire/robot_arm.h"
 #include "client/acquire/window_planner.h"
 
@@ -163,8 +163,7 @@ void add_exploration_suite(CLI::App& app, bool& met) {
   command
       .add_option("--service-s", arguments->service_s,
                   "from the last RF byte to a window that can be touched")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
 }
 
 }  // namespace teletact::bench

@@ -14,7 +14,7 @@
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/curves.h"
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 #include "bench/suites/law/cases.h"
 #include "service/base/choices.h"
 #include "service/contact/law_sampler.h"
@@ -309,7 +309,7 @@ void add_law_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App& command = add_suite(app, "law", "interpolated contact laws: error, what is stated, cost",
                                 arguments, met, measure, draw);
-  command.add_option("--seed", arguments->seed, "of the tissues and poses")->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of the tissues and poses");
 }
 
 }  // namespace teletact::bench

@@ -19,8 +19,8 @@
 
 #include "bench/curves.h"
 #include "bench/own_scene.h"
+#include "bench/run_suite.h"
 #include "bench/service.h"
-#include "bench/suite.h"
 #include "bench/suites/link/felt.h"
 #include "client/session/operator_session.h"
 #include "tests/files/temporary_folder.h"

@@ -15,8 +15,8 @@
 #include "bench/load/processes.h"
 #include "bench/load/recorded_finger.h"
 #include "bench/own_scene.h"
+#include "bench/run_suite.h"
 #include "bench/service.h"
-#include "bench/suite.h"
 #include "bench/touch_client.h"
 
 namespace teletact::bench {
@@ -185,18 +185,15 @@ void add_rate_options(CLI::App& command, Arguments& a) {
   command
       .add_option("--loop", a.loop,
                   "paced, poisson: instants that no answer changes; closed: one pose after the other")
-      ->check(CLI::IsMember({"paced", "poisson", "closed"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"paced", "poisson", "closed"}));
   command.add_option("--rate-hz", a.plan.rate_hz, "poses per second of each client")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
   command.add_option("--ramp-to-hz", a.ramp_to_hz, "the rate at the end, where it is to change evenly")
       ->check(CLI::PositiveNumber);
   command
       .add_option("--in-flight", a.plan.in_flight,
                   "poses of a client without an answer; what is meant beyond is held back, and counted")
-      ->check(CLI::Range(1, 256))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 256));
   command.add_flag("--greedy", a.plan.greedy,
                    "clients send at once, even while the service says that it answers more seldom");
   command.add_flag("--laws", a.plan.laws, "clients ask for contact laws");
@@ -207,25 +204,17 @@ void add_rate_options(CLI::App& command, Arguments& a) {
 }
 
 void add_stream_options(CLI::App& command, Arguments& a) {
-  command.add_option("--clients", a.plan.clients, "touch streams at once")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
-  command.add_option("--processes", a.processes, "that share the clients")
-      ->check(CLI::Range(1, 256))
-      ->capture_default_str();
+  command.add_option("--clients", a.plan.clients, "touch streams at once")->check(CLI::Range(1, 100000));
+  command.add_option("--processes", a.processes, "that share the clients")->check(CLI::Range(1, 256));
   command
       .add_option("--stay-s", a.plan.stay_s, "of a stream on average (exponential), then another is opened")
       ->check(CLI::PositiveNumber);
   command.add_option("--cancel-share", a.plan.cancel_share, "of the streams that go: dropped as they stand")
-      ->check(CLI::Range(0.0, 1.0))
-      ->capture_default_str();
-  command.add_option("--duration-s", a.plan.duration_s, "of each load")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 1.0));
+  command.add_option("--duration-s", a.plan.duration_s, "of each load")->check(CLI::PositiveNumber);
   command.add_option("--warm-up-s", a.plan.warm_up_s, "before it, not counted")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  command.add_option("--seed", a.plan.seed)->capture_default_str();
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--seed", a.plan.seed);
 }
 
 }  // namespace
@@ -238,18 +227,15 @@ void add_load_suite(CLI::App& app, bool& met) {
   command.add_option("--scene", arguments->plan.scene_ids,
                      "a scene to touch, or several, in turn; without it the suite makes its own");
   command.add_option("--own-scenes", arguments->own_scenes, "that the suite makes without --scene")
-      ->check(CLI::Range(1, 64))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 64));
   command.add_option("--recording", arguments->plan.recording,
                      "of touch --record: what every client does, over and over, at its own instants");
   command.add_option("--imaging", arguments->imaging, "clients that publish windows beside the load")
       ->check(CLI::Range(1, 64));
   command.add_option("--image-every-s", arguments->image_every_s, "a window of each of them")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
   command.add_option("--finish-within-s", arguments->finish_within_s, "its deadline, after the last RF byte")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
   add_rate_options(command, *arguments);
   add_stream_options(command, *arguments);
 }

@@ -1,7 +1,7 @@
 // teletact-bench paper: the paper's experiments (T6), one part each.
 #pragma once
 
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 
 namespace teletact::bench {
 

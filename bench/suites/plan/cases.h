@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -24,8 +23,6 @@ struct HardCase {
   // Beyond what is stated, and nothing is said.
   bool missed() const { return !(error <= stated) && said.empty(); }
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(HardCase, name, true_n, felt_n, error, stated, by, shares_error,
-                                   shares_stated, said)
 
 // By a session on what is given of the tissue; `each` sees one after the other. `quick`: the first two.
 std::vector<HardCase> hard_cases(const std::shared_ptr<service::Device>&, bool quick,

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -21,7 +20,6 @@ struct Answer {
   double budget = 0;  // half width, without finite strain; 0: it states none
   std::string by;     // the model that a planner took
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Answer, model, force_n, ms, error, beside, stated, budget, by)
 
 struct Pair {
   std::size_t scene = 0;
@@ -34,8 +32,6 @@ struct Pair {
   double layer_n = 0;                            // exact, of the mean modulus
   std::vector<Answer> answers{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Pair, scene, kind, poisson_ratio, texture, lumps, pose, coarse_n, fine_n,
-                                   truth_n, finer_n, layer_n, answers)
 
 // Sizes of the errors of one model's pairs of a kind, "all" for all.
 struct Summary {
@@ -49,8 +45,6 @@ struct Summary {
   // Shares of the pairs: within the tolerance; and nothing quicker is.
   double suffices = 0, cheapest = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Summary, kind, model, pairs, ms, p50, p95, most, beside_p50, beside_p95,
-                                   beside_most, covered, budget_covers, budget_over_error, suffices, cheapest)
 
 // The same of all pairs, of the models that state what they are off by or are offered.
 struct Model {
@@ -58,8 +52,6 @@ struct Model {
   double ms = 0, p50 = 0, p95 = 0, most = 0, suffices = 0, cheapest = 0, budget_covers = 0,
          budget_over_error = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Model, model, ms, p50, p95, most, suffices, cheapest, budget_covers,
-                                   budget_over_error)
 
 // Shares of a class of pairs that budgets cover.
 struct Class {
@@ -67,14 +59,12 @@ struct Class {
   std::size_t pairs = 0, scenes = 0;
   double m1_covers = 0, m3_covers = 0, planned_covers = 0;  // planned at 3 %
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Class, pairs_of, pairs, scenes, m1_covers, m3_covers, planned_covers)
 
 // Medians over the scenes of what is learned before shares are known, ms of the processor (models.h).
 struct Learning {
   std::size_t nodes = 0;
   double fields_ms = 0, slice_ms = 0, tip_ms = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Learning, nodes, fields_ms, slice_ms, tip_ms)
 
 // The planner's choices at one tolerance: shares of the pairs.
 struct Planned {
@@ -85,7 +75,6 @@ struct Planned {
   double ms = 0, finest_ms = 0;  // of the processor, in the mean: its own, and of M3 for all
   double by_m1 = 0, by_m3 = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Planned, tolerance, missed, said, cheap, ms, finest_ms, by_m1, by_m3)
 
 struct Figures {
   std::uint64_t seed = 0;
@@ -100,7 +89,5 @@ struct Figures {
   std::vector<std::string> failures{};
   std::vector<Pair> pairs{};
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, seed, m3_ready_ms, m4_ready_ms, changes_on_a_border, learning,
-                                   models, summaries, classes, planned, cases, failures, pairs)
 
 }  // namespace teletact::bench::plan

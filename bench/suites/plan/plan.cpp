@@ -13,7 +13,7 @@
 #include "bench/basics/median.h"
 #include "bench/curves.h"
 #include "bench/rigid_contact.h"
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 #include "bench/suites/plan/cases.h"
 #include "bench/suites/plan/figures.h"
 #include "bench/suites/plan/models.h"
@@ -22,7 +22,27 @@
 #include "bench/suites/plan/truth.h"
 
 namespace teletact::bench {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlanPose, x_m, z_m, indentation_m)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlanLump, centre_m, radius_m, contrast)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(HardCase, name, true_n, felt_n, error, stated, by, shares_error,
+                                   shares_stated, said)
+
 namespace plan {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Answer, model, force_n, ms, error, beside, stated, budget, by)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Pair, scene, kind, poisson_ratio, texture, lumps, pose, coarse_n, fine_n,
+                                   truth_n, finer_n, layer_n, answers)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Summary, kind, model, pairs, ms, p50, p95, most, beside_p50, beside_p95,
+                                   beside_most, covered, budget_covers, budget_over_error, suffices, cheapest)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Model, model, ms, p50, p95, most, suffices, cheapest, budget_covers,
+                                   budget_over_error)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Class, pairs_of, pairs, scenes, m1_covers, m3_covers, planned_covers)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Learning, nodes, fields_ms, slice_ms, tip_ms)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Planned, tolerance, missed, said, cheap, ms, finest_ms, by_m1, by_m3)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, seed, m3_ready_ms, m4_ready_ms, changes_on_a_border, learning,
+                                   models, summaries, classes, planned, cases, failures, pairs)
+
 namespace {
 
 struct Arguments : SuiteOptions {
@@ -237,18 +257,15 @@ void add_plan_suite(CLI::App& app, bool& met) {
   const auto arguments = std::make_shared<plan::Arguments>();
   CLI::App& command = add_suite(app, "plan", "models of a touch of solid tissue: speed against accuracy",
                                 arguments, met, plan::measure, plan::draw);
-  command.add_option("--pairs", arguments->pairs, "scenes times poses; 0: the hard cases alone")
-      ->capture_default_str();
-  command
-      .add_option("--finer", arguments->finer,
-                  "pairs, each of another kind, whose truth is checked on nodes 0.5 mm apart")
-      ->capture_default_str();
+  command.add_option("--pairs", arguments->pairs, "scenes times poses; 0: the hard cases alone");
+  command.add_option("--finer", arguments->finer,
+                     "pairs, each of another kind, whose truth is checked on nodes 0.5 mm apart");
   command.add_flag("--offered", arguments->offered,
                    "the planner's offers alone: a third of the time, for many pairs");
   command.add_option("--minutes", arguments->minutes, "no scene is begun after so many");
   command.add_option("--pairs-of", arguments->pairs_of,
                      "pairs and times of an earlier --json instead: the hard cases are measured anew");
-  command.add_option("--seed", arguments->seed, "of the tissues and poses")->capture_default_str();
+  command.add_option("--seed", arguments->seed, "of the tissues and poses");
 }
 
 }  // namespace teletact::bench

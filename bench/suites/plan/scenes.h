@@ -5,7 +5,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -18,14 +17,12 @@ inline constexpr double kVoxelM = 0.002, kPlanModulusPa = 10e3;
 struct PlanPose {
   double x_m = 0, z_m = 0, indentation_m = 0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlanPose, x_m, z_m, indentation_m)
 
 // A ball; voxels have its share of ln E by how much of them lies in it.
 struct PlanLump {
   std::array<double, 3> centre_m{};
   double radius_m = 0, contrast = 1;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlanLump, centre_m, radius_m, contrast)
 
 struct PlanScene {
   std::string kind;

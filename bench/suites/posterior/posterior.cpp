@@ -13,7 +13,7 @@
 #include "bench/basics/median.h"
 #include "bench/phantoms/drawn_window.h"
 #include "bench/phantoms/phantom.h"
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 #include "service/imaging/estimate.h"
 
 namespace teletact::bench {

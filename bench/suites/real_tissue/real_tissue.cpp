@@ -12,11 +12,17 @@
 #include <utility>
 
 #include "bench/basics/median.h"
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 #include "bench/suites/real_tissue/windows.h"
 #include "client/patient/solid_press.h"
 
 namespace teletact::bench {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealWindow, row, estimator, contrast_of_lump, seed, refused, background,
+                                   contrast, ramp, coverage, lump_error, lump_deviation, background_error,
+                                   background_deviation, deviation, off, skin_held, tracking_m, seconds,
+                                   processor_s, modulus_s, truth_s, said)
+
 namespace {
 
 constexpr std::size_t kMinSeeds = 10;  // of each row, for a share to mean anything
@@ -239,15 +245,12 @@ void add_real_tissue_suite(CLI::App& app, bool& met) {
   const auto options = std::make_shared<RealOptions>();
   CLI::App& suite = add_suite(app, "real-tissue", "the modulus of solids unlike what the estimator assumes",
                               options, met, measure, [](const RealFigures&, const std::filesystem::path&) {});
-  suite.add_option("--seeds", options->seeds, "of each row")
-      ->check(CLI::Range(0, 1000))
-      ->capture_default_str();
-  suite.add_option("--first-seed", options->first_seed, "the others follow it")->capture_default_str();
+  suite.add_option("--seeds", options->seeds, "of each row")->check(CLI::Range(0, 1000));
+  suite.add_option("--first-seed", options->first_seed, "the others follow it");
   suite.add_option("--windows-of", options->windows_of,
                    "the --json of earlier runs, whose windows are taken as well; with --seeds 0 alone");
   suite.add_option("--truth-spacing-m", options->spacing_m, "of the truth's nodes along the probe")
-      ->check(CLI::Range(0.0005, 0.004))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0005, 0.004));
   suite.add_option("--only", options->only, "rows whose name has this");
   suite.add_flag("--promised", options->promised, "no estimators beside the one that is promised");
 }

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -55,10 +54,6 @@ struct RealWindow {
   double truth_s = kNan;                                        // until the solid was solved
   std::vector<std::string> said;                                // warnings, each once
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealWindow, row, estimator, contrast_of_lump, seed, refused, background,
-                                   contrast, ramp, coverage, lump_error, lump_deviation, background_error,
-                                   background_deviation, deviation, off, skin_held, tracking_m, seconds,
-                                   processor_s, modulus_s, truth_s, said)
 
 // An estimate that fails is said, and refused.
 RealWindow estimated(service::Elastography& elastography, const RealRow& row, std::uint64_t seed,

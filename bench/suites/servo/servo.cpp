@@ -14,8 +14,8 @@
 
 #include "bench/curves.h"
 #include "bench/own_scene.h"
+#include "bench/run_suite.h"
 #include "bench/service.h"
-#include "bench/suite.h"
 #include "bench/suites/servo/bare_timer.h"
 #include "client/session/operator_session.h"
 #include "tests/support/allocation/allocation_count.h"
@@ -198,9 +198,7 @@ void add_servo_suite(CLI::App& app, bool& met) {
       add_suite(app, "servo", "the 1 kHz loop beside a running service: period, overruns, slack, heap",
                 arguments, met, measure, draw);
   add_service_options(command, arguments->service);
-  command.add_option("--duration-s", arguments->duration_s, "with force on")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  command.add_option("--duration-s", arguments->duration_s, "with force on")->check(CLI::PositiveNumber);
 }
 
 }  // namespace teletact::bench

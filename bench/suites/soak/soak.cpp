@@ -22,7 +22,7 @@
 #include "bench/load/trend.h"
 #include "bench/own_scene.h"
 #include "bench/process_metrics.h"
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 #include "bench/suites/soak/rounds.h"
 #include "bench/touch_client.h"
 #include "client/acquire/estimate_client.h"
@@ -347,20 +347,15 @@ void add_soak_suite(CLI::App& app, bool& met) {
                      "instead of what it reports");
   command
       .add_option("--duration-s", arguments->duration_s, "how long; imaging pauses for half of each minute")
-      ->check(CLI::Range(soak::kRoundS, 1e6))
-      ->capture_default_str();
+      ->check(CLI::Range(soak::kRoundS, 1e6));
   command.add_option("--touch-streams", arguments->touch_streams, "streams that touch")
-      ->check(CLI::Range(1, 62))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 62));
   command.add_option("--touch-rate-hz", arguments->touch_rate_hz, "poses per second and stream")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
   command.add_option("--window-every-s", arguments->every_s, "windows of each client with a deadline")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
   command.add_option("--finish-within-s", arguments->finish_within_s, "the deadline, after the last RF byte")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
 }
 
 }  // namespace teletact::bench

@@ -214,8 +214,7 @@ void add_solid_felt_command(CLI::App& app) {
       "solid-felt", "a touch of the simulated solid patient beside that patient's own tissue");
   command.add_option("--touch-record", options->touch_record, "written by teletact-client touch --record")
       ->required();
-  command.add_option("--seed", options->seed, "of the patient that was touched: teletact-client slices")
-      ->capture_default_str();
+  command.add_option("--seed", options->seed, "of the patient that was touched: teletact-client slices");
   CLI::Option* tissue = command.add_option("--tissue", options->tissue,
                                            "instead: the solid that acquire --slices imaged, as it saved it");
   command.get_option("--seed")->excludes(tissue);
@@ -227,8 +226,7 @@ void add_solid_felt_command(CLI::App& app) {
           ->needs(tissue);
   tissue->needs(modulus)->needs(record);
   command.add_option("--poses", options->poses, "so many are judged, evenly over the touch")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 100000));
   command.add_option("--out", options->out, "folder for summary.json and the pictures")->required();
   command.callback([options] {
     if (!run(*options)) throw CLI::RuntimeError(kPromisesMissed);

@@ -1,7 +1,7 @@
 // teletact-bench solid: touch of solid tissue (T8), one part each.
 #pragma once
 
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 
 namespace teletact::bench {
 

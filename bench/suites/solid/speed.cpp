@@ -14,7 +14,7 @@
 #include "bench/basics/median.h"
 #include "bench/curves.h"
 #include "bench/peers/linear_solver.h"
-#include "bench/roofline.h"
+#include "bench/roofline_json.h"
 #include "bench/suites/solid/solid.h"
 #include "bench/suites/solid/truth.h"
 

@@ -1,7 +1,7 @@
 // teletact-bench stability: where a touch stays stable (T5), one part each.
 #pragma once
 
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 
 namespace teletact::bench {
 

@@ -16,8 +16,8 @@
 #include "bench/curves.h"
 #include "bench/load/figures.h"
 #include "bench/own_scene.h"
+#include "bench/run_suite.h"
 #include "bench/service.h"
-#include "bench/suite.h"
 #include "bench/touch_client.h"
 #include "client/acquire/estimate_client.h"
 
@@ -127,13 +127,10 @@ void add_throughput_suite(CLI::App& app, bool& met) {
   add_service_options(command, arguments->service);
   command.add_option("--scene", arguments->scene_id, "a scene to touch; without it the suite makes its own");
   command.add_option("--clients", arguments->clients, "touch streams at once")->check(CLI::Range(1, 256));
-  command.add_option("--duration-s", arguments->duration_s, "of each loop")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  command.add_option("--duration-s", arguments->duration_s, "of each loop")->check(CLI::PositiveNumber);
   command
       .add_option("--open-loop-hz", arguments->open_loop_hz, "poses per second and client in the open loop")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+      ->check(CLI::PositiveNumber);
 }
 
 }  // namespace teletact::bench

@@ -13,7 +13,7 @@
 
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
-#include "bench/suite.h"
+#include "bench/run_suite.h"
 #include "bench/suites/warnings/cases.h"
 #include "service/imaging/modulus/judge.h"
 
@@ -209,10 +209,8 @@ void add_warnings_suite(CLI::App& app, bool& met) {
   CLI::App& suite = add_suite(
       app, "warnings", "how often warnings of an estimate fire where they are provoked, and where not",
       options, met, measure, [](const WarningFigures&, const std::filesystem::path&) {});
-  suite.add_option("--cases", options->cases, "of each row")
-      ->check(CLI::Range(0, 1000))
-      ->capture_default_str();
-  suite.add_option("--first-seed", options->first_seed, "the others follow it")->capture_default_str();
+  suite.add_option("--cases", options->cases, "of each row")->check(CLI::Range(0, 1000));
+  suite.add_option("--first-seed", options->first_seed, "the others follow it");
   suite.add_option("--cases-of", options->cases_of,
                    "the --json of earlier runs, whose cases are taken as well; with --cases 0 alone");
   suite.add_option("--only", options->only, "rows whose level or warning has this");

@@ -222,7 +222,7 @@ TEST(HostileMatFile, ClaimsOfMoreThanItHoldsAreRefused) {
 }
 
 // matio would fill the frame with whatever lay in memory.
-TEST(HostileMatFile, ACompressedVariableThatHoldsLessThanItClaimsIsRefused) {
+TEST(HostileMatFile, ShortCompressedVariableIsRefused) {
   const TemporaryFolder folder;
   const std::string whole = doubles(64, "rf", 64), less = doubles(64, "rf", 63);
   for (const std::string& matrix : {whole, less}) {
@@ -237,7 +237,7 @@ TEST(HostileMatFile, ACompressedVariableThatHoldsLessThanItClaimsIsRefused) {
 }
 
 // A bomb: 36 MiB of zeros in 40 kB, of which 144 MiB of floats are made.
-TEST(HostileMatFile, WhatTakesMoreMemoryOrTimeThanAllowedSaysWhatToDo) {
+TEST(HostileMatFile, ExceededLimitSaysWhatToDo) {
   const TemporaryFolder folder;
   mat_t* mat = Mat_CreateVer((folder / "bomb.mat").c_str(), nullptr, MAT_FT_MAT5);
   ASSERT_NE(mat, nullptr);

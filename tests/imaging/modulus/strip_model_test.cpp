@@ -78,7 +78,7 @@ TEST(StripModel, NothingIsSaidBelowTheTissue) {
   EXPECT_TRUE(std::isnan(field[61 * 60]));
 }
 
-TEST(StripModel, AMapOnElementsFillsItsHolesAndGoesOnBesideTheWindow) {
+TEST(StripModel, MapFillsHolesAndExtendsBesideTheWindow) {
   StripModel model({0.150, 0.040, 0.060, 0.49}, kWidthM);
   Field map(kGrid.size(), 10e3f);
   for (std::size_t n = 0; n < map.size(); ++n) {

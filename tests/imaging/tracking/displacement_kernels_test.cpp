@@ -163,7 +163,7 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
             100 * 1e-3);  // amplitude 100 rms; blending the tabulated taps is good to 1e-3 of the peaks
 }
 
-TEST_F(DisplacementKernels, MedianFilterCuresAPeakHopAndKeepsTheGradient) {
+TEST_F(DisplacementKernels, MedianCuresHopsAndKeepsGradients) {
   const int nx = 11, ny = 9, hop = 4 + nx * 5, silent = 7 + nx * 2;
   std::vector<float> field, correlation(static_cast<std::size_t>(nx * ny), 0.95f);
   for (int j = 0; j < ny; ++j)

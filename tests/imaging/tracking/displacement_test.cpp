@@ -130,7 +130,7 @@ TEST(Displacement, FindsLateralShiftOfSeveralLines) {
 // 60 mm of nearly incompressible tissue, stuck to its base: it widens by up to 1.5 mm, and strains by more
 // than the mean compression over the upper 20 mm. At its sides tissue leaves the frame: one node in a hundred
 // may hop, and none that does may be trusted.
-TEST(Displacement, FollowsWideTissueToTheLargestCompressionAndTrustsNoHop) {
+TEST(Displacement, FollowsTheLargestCompressionAndTrustsNoHop) {
   for (const auto& [snr_db, correlation] : {std::pair{30.0, 0.99}, {10.0, 0.9}}) {
     SpeckleOptions speckle;
     speckle.samples = 1500;

@@ -124,7 +124,7 @@ TEST_P(FilterKernels, ReportScalesAndJudges) {
   }
 }
 
-TEST_P(FilterKernels, PeakIsTheVertexOfTheParabolasAroundTheLargestValue) {
+TEST_P(FilterKernels, PeakIsTheVertexOfTheParabolas) {
   const int lateral_count = 5, first_lag = -4, first_lateral = -2;
   std::vector<float> volume(nodes() * 8 * lateral_count);
   for (float& v : volume) v = std::uniform_real_distribution<float>(-1, 1)(f.random);

@@ -48,7 +48,7 @@ double gain(const std::vector<float>& taps, double frequency) {
   return sum;
 }
 
-TEST(MatchedFilter, PassesTheBandUnderWhiteNoiseAndWhitensDecorrelation) {
+TEST(MatchedFilter, PassesTheBandAndWhitensDecorrelation) {
   const MatchedFilter white = matched_filter(statistics(0.02, 0), 16, 4),
                       like = matched_filter(statistics(0.002, 0.05), 16, 4);
   EXPECT_NEAR(gain(white.axial, 0.18), 1, 0.05);

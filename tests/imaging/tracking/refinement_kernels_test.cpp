@@ -55,7 +55,7 @@ TEST(RefinementKernels, SolveNodesInvertsEveryNodesOwnBlock) {
   }
 }
 
-TEST(RefinementKernels, EdgeBiasIsPullOverInformationOfTheNeighbourhood) {
+TEST(RefinementKernels, EdgeBiasIsPullOverInformation) {
   const Queue queue = imaging_device()->queue();
   const reference::NodeGrid g{7, 11};
   constexpr std::size_t kNodes = 77;

@@ -152,7 +152,7 @@ TEST_F(RefinementTest, UniformStrainStaysAsItIs) {
   for (std::size_t n = 0; n < got.size(); ++n) EXPECT_NEAR(got[n], start[n], 1e-5) << n;
 }
 
-TEST_F(RefinementTest, SilentFramesLeaveTheFieldAndSayThatNothingIsHeard) {
+TEST_F(RefinementTest, SilentFramesKeepTheField) {
   Refinement refinement(queue_, kRefinementSolve, grid_, kLine, kSample);
   Array<float> silent = queue_.array<float>(pad_.total);
   queue_.fill_zero(silent);

@@ -43,7 +43,7 @@ Truth truth(const SolidTissue& tissue, const SurfacePatch& patch, const Eigen::V
 
 class SolidSolverTest : public testing::TestWithParam<double> {};
 
-TEST_P(SolidSolverTest, IsTheSparseFactorsAndItsBoundHoldsAtEveryIteration) {
+TEST_P(SolidSolverTest, BoundHoldsAtEveryIteration) {
   const double nu = GetParam();
   const Queue queue = test_device()->queue();
   if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
