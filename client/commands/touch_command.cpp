@@ -204,8 +204,8 @@ void add_rendering_options(CLI::App& command, TouchArguments& arguments) {
   command
       .add_option(
           "--renderer", arguments.session.renderer,
-          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman), "
-          "kalman, kalman-force, interpolate or hold")
+          "law (the tissue's contact law, felt without the link's delay; where there is none as kalman) or "
+          "kalman, the filter of answers")
       ->check(CLI::IsMember(renderer_names()));
   command
       .add_option(
