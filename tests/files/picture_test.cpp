@@ -102,7 +102,7 @@ TEST_F(PictureFile, RefusesUnusablePanels) {
   EXPECT_THROW(write_png(folder / "no" / "a.png", std::vector{example()}), FileError);
 }
 
-TEST_F(PictureFile, WithoutGnuplotOrAfterItFailedThereIsNoneAndItIsSaid) {
+TEST_F(PictureFile, WithoutGnuplotThereIsNoneAndItIsSaid) {
   const std::string path = std::getenv("PATH");
   setenv("PATH", "/nowhere", 1);
   try {

@@ -124,7 +124,7 @@ TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {
   EXPECT_EQ(told.stats.dropped, 1u);
 }
 
-TEST(TouchPeers, AnswersOfAModelWithAWayOfItsOwnAreCountedBesideTheOthers) {
+TEST(TouchPeers, AnswersOfAnotherWayAreCountedApart) {
   TouchAnswers told;
   v1::TouchOpened opened;
   opened.set_period_s(0.002);

@@ -93,7 +93,7 @@ TEST(EnergyLedger, AForceThatIsLateIsSeenUnderADeepPress) {
 }
 
 // A harder model under a finger that rests is paid from what was dissipated, a softer one gives back.
-TEST(EnergyLedger, AModelThatChangesUnderAFingerChangesWhatWasDissipated) {
+TEST(EnergyLedger, AChangedModelChangesWhatWasDissipated) {
   EnergyLedger ledger;
   ledger.observe({0, 0.004, 0}, {0, 0, 0}, 0, true, 0.001);
   ledger.observe({0.01, 0.004, 0}, {-1, 0, 0}, 0, true, 0.001);  // 10 mJ

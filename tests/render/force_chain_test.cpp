@@ -192,7 +192,7 @@ TEST(ForceChain, UnpaidGrowthIsHeldWithoutShaking) {
   }
 }
 
-TEST(ForceChain, FiftyMillisecondsOfAForceThatIsWithheldAreNotDegradedOneMoreIs) {
+TEST(ForceChain, WithheldForFiftyMillisecondsIsNotDegraded) {
   ForceChain chain({});
   ForceChainInput input = pressed(0.6);
   input.rendered.withheld = 0.3;
