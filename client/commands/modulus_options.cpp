@@ -39,9 +39,10 @@ void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& t
             "reference-stress, direct or iterative (default: the service chooses by what the force needs and "
             "the time leaves); a solid has its own");
   command
-      .add_option("--modulus-time-limit-s", time_limit_s,
-                  "work on the modulus, counted before it begins in seconds of a usual core; a service takes 60 s "
-                  "at most unless its limits say otherwise")
+      .add_option(
+          "--modulus-time-limit-s", time_limit_s,
+          "work on the modulus, counted before it begins in seconds of a usual core; a service takes 60 s "
+          "at most unless its limits say otherwise")
       ->check(above_zero())
       ->default_str(time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "what the finger leaves");
 }

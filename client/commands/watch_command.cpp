@@ -50,21 +50,23 @@ Gateway::Orders orders_of(const WatchArguments& arguments, std::optional<Player>
 }
 
 // A session is waited for where nothing is yet, or an earlier one; what is something else never becomes one.
-// `command`: whose recording it is.
-void say_waiting(const std::string& command, const std::string& path) {
+// `flag`: that the path was given by; `command`: whose recording it is.
+void say_waiting(const std::string& flag, const std::string& command, const std::string& path) try {
   if (path.empty()) return;
   const std::string start = "start '" + command + " --record " + path;
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) return say("waiting for " + path + ": " + start + "'");
   if (RecordReader(path).is_written()) return;
   say(path + " has ended: play it with --recording, or " + start + " --force', which is waited for");
+} catch (const std::runtime_error& none) {
+  throw UsageError(flag + ": " + none.what());
 }
 
 void run(const WatchArguments& arguments) {
   if (arguments.session.empty() && arguments.recordings.empty())
     throw UsageError("give --session FILE, which a touch --record writes, or --recording FILE");
-  say_waiting("touch", arguments.session);
-  say_waiting("acquire", arguments.acquire);
+  say_waiting("--session", "touch", arguments.session);
+  say_waiting("--acquire", "acquire", arguments.acquire);
   const std::atomic<bool>& end = end_in_order();
   View view;
   view.tell("faults", !arguments.faults.empty());
@@ -93,8 +95,9 @@ void add_watch_command(CLI::App& app) {
   const auto arguments = std::make_shared<WatchArguments>();
   CLI::App& command = *app.add_subcommand(
       "watch", "operator side: a live page of a session, or of a recording, for a browser here");
-  CLI::Option* session = command.add_option("--session", arguments->session,
-                                            "the file that touch --record writes; without it a recording is played");
+  CLI::Option* session =
+      command.add_option("--session", arguments->session,
+                         "the file that touch --record writes; without it a recording is played");
   command
       .add_option("--acquire", arguments->acquire,
                   "the file that acquire --record writes; without it no windows are seen")

@@ -148,8 +148,8 @@ class TouchLink {
   Reopening reopening_;
   std::string hand_over_to_;  // empty: nobody
   bool stopping_ = false;
-  ServoPose pose_;                                         // the servo's newest
-  std::uint64_t poses_given_ = 0;                          // by the servo
+  ServoPose pose_;                                        // the servo's newest
+  std::uint64_t poses_given_ = 0;                         // by the servo
   std::array<std::int64_t, 2 * Pacing::kMax> sent_ns_{};  // of the last poses, by sequence modulo its size
   std::uint64_t sequence_ = 0;  // never starts again, so that the servo can tell old from new
   std::uint32_t call_ = 0;      // streams in force, for recordings

@@ -132,7 +132,8 @@ inline constexpr double kMaxStrain = 0.05, kPoissonRatio = 0.49;
 // A window is refused when less than this share of its cells was measured.
 inline constexpr double kMinMeasuredShare = 0.2;
 
-// A finger that is slower than this leaves the modulus as much time as at this speed: it may turn at any moment.
+// A finger that is slower than this leaves the modulus as much time as at this speed: it may turn at any
+// moment.
 inline constexpr double kSlowFinger = 0.030;
 // Of an estimate's textured nodes: below this median correlation the pair is refused.
 inline constexpr double kMinMedianCorrelation = 0.6;

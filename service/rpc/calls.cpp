@@ -14,11 +14,12 @@ namespace teletact::service {
 namespace {
 
 // By CallKind.
-constexpr std::array kCallNames{"touch streams", "watchers of fingers",        "observers of scenes", "estimates",
-                            "short calls",   "whole scenes that are sent", "short calls"};
+constexpr std::array kCallNames{"touch streams", "watchers of fingers", "observers of scenes",
+                                "estimates",     "short calls",         "whole scenes that are sent",
+                                "short calls"};
 constexpr std::array kMaxCalls{&Limits::max_touch_streams, &Limits::max_watchers,    &Limits::max_observers,
-                          &Limits::max_estimates,     &Limits::max_unary_calls, &Limits::max_full_scenes,
-                          &Limits::max_unary_calls};
+                               &Limits::max_estimates,     &Limits::max_unary_calls, &Limits::max_full_scenes,
+                               &Limits::max_unary_calls};
 
 }  // namespace
 

@@ -38,7 +38,7 @@ TEST(VirtualCoupling, ForceThatIsNoNumberOnlySlowsTheTool) {
 
 struct Pressed {
   double later_over_earlier = 0;  // swing of the arm in the sixth second over that in the third
-  double min_work_j = 0;        // of the hand on the arm, in all
+  double min_work_j = 0;          // of the hand on the arm, in all
 };
 
 // A hand presses 4 mm into a spring as stiff as the device may render, and stays.

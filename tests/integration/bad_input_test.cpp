@@ -354,7 +354,6 @@ TEST(ScriptInput, HelpBuildsNothingAndAnEmptyDemoIsRefused) {
 TEST(WatchInput, WhatIsNoSessionIsNotWaitedFor) {
   TemporaryFolder folder;
   write_file(folder / "x", "nothing that was recorded");
-  client::RecordWriter(folder / "touch.record", {}).close();
   const auto refused = [&](std::vector<std::string> words, const std::vector<std::string>& expected) {
     words.insert(words.begin(), {test::client_binary(), "watch"});
     const Outcome outcome = test::run(words, folder / "log");
@@ -362,10 +361,9 @@ TEST(WatchInput, WhatIsNoSessionIsNotWaitedFor) {
     EXPECT_EQ(outcome.code, 2);
   };
   refused({}, {"--session", "--recording"});
-  refused({"--session", folder / "touch.record"},
-          {"touch.record is a recording's file: watch it with --recording"});
-  refused({"--session", folder / "x"}, {"--session", "x is no session"});
-  refused({"--session", folder / "s", "--acquire", folder / ""}, {"--acquire", "is no session"});
+  refused({"--session", folder / "x"}, {"--session", "is no recording"});
+  write_file(folder / "y", "nothing that was acquired");
+  refused({"--session", folder / "x", "--acquire", folder / "y"}, {"--session", "is no recording"});
 }
 
 TEST(ReportInput, RecordingsMustBeWhatTheyAreSaidToBe) {

@@ -108,8 +108,7 @@ TEST(SolidSolver, OnARowItIsTheSparseFactorsAndItsBoundHolds) {
       load(in_field) = p;
       const Eigen::VectorXd moved = reference.solve(load).segment(Eigen::Index(3 * row * grid.columns()),
                                                                   Eigen::Index(3 * grid.columns()));
-      const Eigen::VectorXd beyond =
-          moved - solver.row()->layered.times(patch.unknowns, p, 0, 3);
+      const Eigen::VectorXd beyond = moved - solver.row()->layered.times(patch.unknowns, p, 0, 3);
       solver.push(patch, w, {.relative_error = 1e-10});
       EXPECT_LT((solver.excess().moved_m - beyond).norm(), 1e-7 * moved.norm());
       const SolidSolution loaded = solver.load(patch.unknowns, p, {.relative_error = 1e-10});
