@@ -142,8 +142,11 @@ struct RecordReader::Stream {
 };
 
 RecordReader::RecordReader(const std::string& path)
-    : path_(path), file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+    : path_(path), file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
   if (!file_) throw std::runtime_error("cannot read the recording '" + path + "': " + std::strerror(errno));
+  struct stat status {};
+  if (::fstat(file_.get(), &status) != 0 || !S_ISREG(status.st_mode))
+    throw std::runtime_error("'" + path + "' is no file: give that of touch or acquire --record");
   stream_ = std::make_unique<Stream>(file_.get());
   std::optional<v1::RecordEntry> first;
   try {

@@ -95,9 +95,11 @@ void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m,
   law_fades_ = by_law || (law_fades_ && (silence < last_silence || wanted < last));
   const double stored_j = input.rendered.stored_j;
   const double max_j = options_.limits.largest_force_n * std::max(indentation_m, 0.0);
-  const double held_j = std::isfinite(stored_j) ? debt_gain_ * std::min(stored_j, max_j) : 0;
+  const double model_j = std::isfinite(stored_j) ? std::min(stored_j, max_j) : 0;
+  // A rise costs in full, since the debt's own gain rises for nothing; a fall earns what went out.
+  const double held_j = (gain_ > last ? 1 : debt_gain_) * model_j;
   gain_short_ = 0;
-  law_touched_ = held_j > 0 && (by_law || law_touched_);
+  law_touched_ = model_j > 0 && (by_law || law_touched_);
   // A finger that came in during the ramp feels answers once that is over.
   if (!(held_j > 0) || (took_ == EnergyClaim::kRamp && !law_touched_)) return;
   const double rise = gain_ - last, paid = last + ledger_.balance_j() / held_j;
@@ -201,7 +203,7 @@ ForceChainOutput ForceChain::apply(const ForceChainInput& input) noexcept {
   last_hand_m_.reset();
   if (pose.position_m.allFinite()) last_position_m_ = pose.position_m;
   if (hand_m(input).allFinite()) last_hand_m_ = hand_m(input);
-  ledger_.set_gain(law_touched_ ? debt_gain_ * gain_ : 1);
+  ledger_.set_gain(took_ == EnergyClaim::kRamp && !law_touched_ ? 1 : debt_gain_ * gain_);
   output.damping_n_s_m = ledger_.damping_n_s_m();
   output.energy_j = ledger_.energy_j();
   output.stored_j = ledger_.stored_j();

@@ -62,7 +62,8 @@ void SessionSource::run() {
       if (!reader.is_written()) continue;  // of an earlier session
       follow(reader);
     } catch (const std::exception& error) {
-      if (!std::filesystem::exists(path_)) continue;
+      std::error_code unseen;
+      if (!std::filesystem::exists(path_, unseen) && !unseen) continue;
       why = std::string("broken off: ") + error.what();
     }
     if (first_) view_.complete_row();

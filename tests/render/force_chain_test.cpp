@@ -25,6 +25,20 @@ double settle(ForceChain& chain, const ForceChainInput& input, int ticks = 1000)
   return chain.last_force_n().norm();
 }
 
+// By answers as by a law, a renderer's claims are of what the gains let out: a model that softens while the
+// clutch holds it back has given nothing.
+TEST(ForceChain, WhatIsHeldBackByAnswersEarnsNothing) {
+  ForceChain chain({});
+  ForceChainInput input = pressed(0.6);
+  input.rendered.stored_j = 0.001;
+  settle(chain, input);
+  EXPECT_EQ(chain.ledger().gain(), 1);
+  input.clutched = true;
+  settle(chain, input, 200);
+  EXPECT_EQ(chain.last_force_n().norm(), 0);
+  EXPECT_EQ(chain.ledger().gain(), 0);
+}
+
 TEST(ForceLimits, SilenceFadesFromFiftyToHundredFiftyMilliseconds) {
   const SilenceLimits limits = silence_limits(0.002);
   EXPECT_DOUBLE_EQ(limits.fade_s, 0.05);

@@ -283,15 +283,15 @@ def _send_ticks(server: Server, file: Any, path: str, silent: Callable[[], None]
     recordings.check_header(next(entries, None), path)
     for entry in entries:
         now = time.monotonic()
-        if entry is not None and entry.HasField("servo"):
-            heard_s = now
-        elif now - heard_s > _SILENCE_S:  # other entries come, and no tick
+        if now - heard_s > _SILENCE_S:  # other entries come, or ticks of long ago
             silent()
+            heard_s = now
         if entry is None or not entry.HasField("servo") or now < next_s:
             continue
         tick, age_s = entry.servo, 1e-9 * (time.monotonic_ns() - entry.monotonic_ns)
-        if age_s > _SILENCE_S:  # of before this looked on
+        if age_s > _SILENCE_S:  # of before this looked on, or it is behind
             continue
+        heard_s = now
         next_s = now + _PERIOD_S
         state = _STATES[tick.state] if tick.state < len(_STATES) else str(tick.state)
         force = ",".join(f"{value:.4f}" for value in tick.force_n)
