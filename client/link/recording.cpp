@@ -29,8 +29,8 @@ struct flock whole_file() {
 }
 
 // Some file systems know no locks: there nobody is kept away.
-FileDescriptor locked(const std::string& path, int flags) {
-  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | flags, S_IRUSR | S_IWUSR));
+FileDescriptor locked(const std::string& path) {
+  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR));
   struct flock whole = whole_file();
   if (file && ::fcntl(file.get(), F_OFD_SETLK, &whole) != 0 && (errno == EAGAIN || errno == EACCES))
     throw std::runtime_error("cannot write the recording '" + path +
@@ -38,13 +38,21 @@ FileDescriptor locked(const std::string& path, int flags) {
   return file;
 }
 
-// Another file than an earlier session's, which somebody may still read.
+// A file of this user's alone, and another than an earlier session's, which somebody may still read. Only who
+// has locked a file replaces it.
 FileDescriptor hold(const std::string& path) {
-  FileDescriptor file = locked(path, 0);
-  struct stat status {};
-  const bool earlier = ::lstat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_size > 0;
-  if (earlier && file && ::unlink(path.c_str()) == 0) file = locked(path, O_EXCL);
-  return file;
+  while (true) {
+    FileDescriptor file = locked(path);
+    struct stat held {
+    }, there{};
+    if (!file || ::fstat(file.get(), &held) != 0 || !S_ISREG(held.st_mode)) return file;
+    const bool replaced = ::stat(path.c_str(), &there) != 0 || there.st_ino != held.st_ino;
+    const bool ours = held.st_uid == ::geteuid() && (held.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+    if (!replaced && ours && held.st_size == 0) return file;
+    if (!replaced && ::unlink(path.c_str()) != 0)
+      throw std::runtime_error("cannot replace the recording '" + path + "': " + std::strerror(errno) +
+                               "; choose another file with --record");
+  }
 }
 
 }  // namespace
@@ -179,9 +187,13 @@ std::optional<v1::RecordEntry> RecordReader::next() {
   std::uint32_t bytes = 0;
   std::string body;
   const bool has_length = coded->ReadVarint32(&bytes);
-  if (has_length && bytes > kMaxEntryBytes)
+  constexpr int kLengthBytes = 5;  // at most
+  if (has_length ? bytes > kMaxEntryBytes : ready >= kLengthBytes)
     throw std::runtime_error("the recording '" + path_ + "' is damaged");
-  if (!has_length || !coded->ReadString(&body, static_cast<int>(bytes))) {
+  struct stat status {};
+  const bool there = has_length && ::fstat(file_.get(), &status) == 0 &&
+                     at_ + coded->CurrentPosition() + static_cast<off_t>(bytes) <= status.st_size;
+  if (!there || !coded->ReadString(&body, static_cast<int>(bytes))) {
     truncated_ = true;
     coded.reset();
     ::lseek(file_.get(), at_, SEEK_SET);  // the rest of it may be written yet

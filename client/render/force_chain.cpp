@@ -96,8 +96,9 @@ void ForceChain::settle_gain(const ForceChainInput& input, double indentation_m,
   const double stored_j = input.rendered.stored_j;
   const double max_j = options_.limits.largest_force_n * std::max(indentation_m, 0.0);
   const double model_j = std::isfinite(stored_j) ? std::min(stored_j, max_j) : 0;
-  // A rise costs in full, since the debt's own gain rises for nothing; a fall earns what went out.
-  const double held_j = (gain_ > last ? 1 : debt_gain_) * model_j;
+  // A fall earns what went out. A rise costs what the display's caps let out, whatever a debt fades of it:
+  // the debt's own gain rises for nothing.
+  const double held_j = (gain_ > last ? let_out_ : last > 0 ? std::min(share_ / last, 1.0) : 0) * model_j;
   gain_short_ = 0;
   law_touched_ = model_j > 0 && (by_law || law_touched_);
   // A finger that came in during the ramp feels answers once that is over.
@@ -124,7 +125,9 @@ Vector3 ForceChain::wanted(const ForceChainInput& input, double indentation_m, d
   // Of 1/2 k d^2 a softer spring holds its share, and one that is cut off at F_max 2 s - s^2, s the share of
   // the force that is left.
   const double left = soft > 0 ? model_n.stableNorm() / soft : 1;
-  share_ = debt_gain_ * (rendered_n > 0 ? soft / rendered_n : gain_) * left * (2 - left);
+  share_ = (rendered_n > 0 ? soft / rendered_n : gain_) * left * (2 - left);
+  let_out_ = gain_ > 0 ? std::min(share_ / gain_, 1.0) : 1;
+  share_ *= debt_gain_;
   // A debt fades what is rendered, not the damping that pays it; and that never pulls a finger in.
   Vector3 force_n = debt_gain_ * model_n + ledger_.damping_force(hand_m_s(input), dt_s);
   const Vector3& normal = input.surface.normal;

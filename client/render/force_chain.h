@@ -114,6 +114,7 @@ class ForceChain {
   bool law_fades_ = false;                 // a law was felt since nothing faded last
   bool law_touched_ = false;               // and in this contact
   double share_ = 0;                       // of what the rendered model holds, as far as its force goes out
+  double let_out_ = 1;                     // of what the gains leave of that, by the display's caps
   bool energy_generated_ = false;
   double withheld_s_ = 0;  // that much has been withheld for
   Vector3 last_force_n_ = Vector3::Zero();

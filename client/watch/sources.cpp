@@ -2,12 +2,15 @@
 
 #include <poll.h>
 #include <sys/inotify.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "client/link/channel.h"
@@ -55,16 +58,23 @@ SessionSource::~SessionSource() {
 void SessionSource::run() {
   constexpr double kRetryS = 0.2;
   view_.tell(name_, "waiting for " + path_);
+  std::optional<std::uint64_t> broken;  // a damaged file is not read again
   for (; !stop_; nap(kRetryS, stop_)) {
+    struct stat status {};
+    if (broken && ::stat(path_.c_str(), &status) == 0 && status.st_ino == *broken) continue;
+    broken.reset();
     std::string why = "ended";
+    bool followed = false;
     try {
       RecordReader reader(path_);
       if (!reader.is_written()) continue;  // of an earlier session
+      followed = true;
       follow(reader);
     } catch (const std::exception& error) {
       std::error_code unseen;
       if (!std::filesystem::exists(path_, unseen) && !unseen) continue;
       why = std::string("broken off: ") + error.what();
+      if (followed && ::stat(path_.c_str(), &status) == 0) broken = status.st_ino;
     }
     if (first_) view_.complete_row();
     view_.tell(name_, why);

@@ -139,6 +139,28 @@ TEST_F(RecordingTest, AnEntryThatIsCutIsReadOnceTheRestIsThere) {
   }
 }
 
+// GIVEN a file of others' eyes WHEN a session records into it THEN it is another, of this user alone.
+TEST_F(RecordingTest, AnOpenFileIsReplacedByOneOfThisUserAlone) {
+  std::fclose(std::fopen(path_.c_str(), "w"));
+  ASSERT_EQ(::chmod(path_.c_str(), 0666), 0);
+  write(3);
+  struct stat status {};
+  ASSERT_EQ(::stat(path_.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600u);
+}
+
+// An entry that says more bytes than there are is not read, however many it says.
+TEST_F(RecordingTest, ALengthWithoutItsBytesIsNotYetThere) {
+  write(1);
+  std::FILE* file = std::fopen(path_.c_str(), "ab");
+  std::fputs("\xff\xff\xff\xff\x02", file);  // 0.8 GB
+  std::fclose(file);
+  RecordReader reader(path_);
+  EXPECT_TRUE(reader.next());
+  EXPECT_FALSE(reader.next());
+  EXPECT_TRUE(reader.truncated());
+}
+
 TEST_F(RecordingTest, AnotherWriterIsRefused) {
   auto writer = std::make_unique<RecordWriter>(path_, v1::RecordHeader());
   EXPECT_THROW(RecordWriter(path_, {}), std::runtime_error);
