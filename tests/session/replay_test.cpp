@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "client/session/operator_session.h"
 #include "tests/files/temporary_folder.h"
 #include "tests/link/fake_palpation.h"
@@ -36,27 +38,39 @@ TEST(Replay, FindsTheRecordedForcesAgainAndSeesAChange) {
   EXPECT_GT(other.largest_force_difference_n, 0.1);
 }
 
-// What a page shows of an acquisition is kept without its frames, too.
-TEST(Replay, AnAcquisitionWithoutItsFramesHoldsNothingToPlay) {
+class AcquisitionReplay : public testing::Test {
+ protected:
+  AcquisitionReplay() {
+    service.create_scene("s");
+    v1::RecordHeader header;
+    header.set_kind("acquire");
+    header.set_scene_id("s");
+    writer.emplace(folder / "pair", header);
+    request.mutable_acquisition()->add_maps("youngs_modulus");
+    writer->append_waiting(recorded(request, 1, 1));
+  }
+  // What was written, ended by its summary.
+  ReplayReport played() {
+    v1::EstimateResponse response;
+    response.mutable_summary();
+    writer->append_waiting(recorded(response, 3, 1));
+    writer->close();
+    ReplayOptions options;
+    options.path = folder / "pair";
+    options.address = service.address();
+    options.speed = 0;
+    return replay(options, false);
+  }
   teletact::test::FakeServer service;
-  service.create_scene("s");
   const TemporaryFolder folder;
-  v1::RecordHeader header;
-  header.set_kind("acquire");
-  header.set_scene_id("s");
-  RecordWriter writer(folder / "pair", header);
   v1::EstimateRequest request;
-  request.mutable_acquisition()->add_maps("youngs_modulus");
-  writer.append_waiting(recorded(request, 1, 1));
-  v1::EstimateResponse response;
-  response.mutable_summary();
-  writer.append_waiting(recorded(response, 3, 1));
-  writer.close();
-  ReplayOptions options;
-  options.path = folder / "pair";
-  options.address = service.address();
+  std::optional<RecordWriter> writer;
+};
+
+// What a page shows of an acquisition is kept without its frames, too.
+TEST_F(AcquisitionReplay, WithoutItsFramesHoldsNothingToPlay) {
   try {
-    replay(options, false);
+    played();
     ADD_FAILURE();
   } catch (const std::runtime_error& error) {
     EXPECT_NE(std::string(error.what()).find("holds nothing to play"), std::string::npos) << error.what();
@@ -64,33 +78,15 @@ TEST(Replay, AnAcquisitionWithoutItsFramesHoldsNothingToPlay) {
 }
 
 // GIVEN a pair of which two maps came WHEN the service sends one of them this time
-TEST(Replay, MapsThatDoNotComeAreNotAlike) {
-  teletact::test::FakeServer service;
-  service.create_scene("s");
-  const TemporaryFolder folder;
-  v1::RecordHeader header;
-  header.set_kind("acquire");
-  header.set_scene_id("s");
-  RecordWriter writer(folder / "pair", header);
-  v1::EstimateRequest request;
-  request.mutable_acquisition()->add_maps("youngs_modulus");
-  writer.append_waiting(recorded(request, 1, 1));
+TEST_F(AcquisitionReplay, MapsThatDoNotComeAreNotAlike) {
   request.mutable_chunk();
-  writer.append_waiting(recorded(request, 1, 1));
+  writer->append_waiting(recorded(request, 1, 1));
   for (const char* name : {"youngs_modulus", "axial_strain"}) {
     v1::EstimateResponse response;
     response.mutable_map()->mutable_map()->set_name(name);
-    writer.append_waiting(recorded(response, 2, 1));
+    writer->append_waiting(recorded(response, 2, 1));
   }
-  v1::EstimateResponse response;
-  response.mutable_summary();
-  writer.append_waiting(recorded(response, 3, 1));
-  writer.close();
-  ReplayOptions options;
-  options.path = folder / "pair";
-  options.address = service.address();
-  options.speed = 0;
-  const ReplayReport report = replay(options, false);
+  const ReplayReport report = played();
   EXPECT_EQ(report.compared, 1u);
   EXPECT_EQ(report.not_alike, 2u) << "one of another size, and one that did not come";
 }
