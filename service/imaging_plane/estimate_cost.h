@@ -28,7 +28,8 @@ struct EstimateSize {
   bool published = false;
 };
 
-// On an idle core of 2024. A limit of time is counted at these, so that it leaves the same on every machine.
+// About the most that an idle core of 2024 takes. A limit of time is counted at these, so that it leaves the
+// same on every machine.
 ModulusCost usual_modulus(const EstimateSize&);
 
 struct EstimateSeconds {

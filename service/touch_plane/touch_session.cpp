@@ -1,3 +1,4 @@
+// A session, and what its scene may put an answer's force off by: read together, since it says so with each.
 #include "service/touch_plane/touch_session.h"
 
 #include <fmt/format.h>

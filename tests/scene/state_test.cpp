@@ -1,3 +1,5 @@
+// Scenes on disk. One file: every case needs the same folder, clock of versions and way to touch what came
+// back.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
