@@ -1,48 +1,73 @@
 #include "service/imaging/modulus/probe_fit.h"
 
 #include <fmt/format.h>
+#include <Eigen/Cholesky>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 #include <utility>
 
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/robust_fit.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
 namespace {
 
 using Eigen::Index;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kNearFieldM = 3e-3;  // what the face's condition decides, not the modulus
-constexpr double kTold = 0.4;         // of the median modelled strain: with less a cell tells no modulus
-constexpr double kBlockRatio = 0.33;  // of lateral strain: more is not tissue that goes on
-constexpr double kStandoffM = 4e-3;   // of the image without a trusted strain: less is the kernels'
-// Where tissue that ends is taken to end beside the probe, in depths of it.
-constexpr double kFarDepths = 0.7, kNearDepths = 0.3;
+constexpr double kNearFieldM = 3e-3;   // what the face's condition decides, not the modulus
+constexpr double kTold = 0.4;          // of the median modelled strain: with less a cell tells no modulus
+constexpr double kLeastStrain = 0.02;  // of it, that a model shows anywhere: what has less is a lump to it
+constexpr double kStandoffM = 4e-3;    // of the image without a trusted strain: less is the kernels'
 constexpr double kCommonLog = 0.04, kCommonLogOfSides = 0.06;  // of tissue that goes on, and that ends
 constexpr double kDeepestBlockM = 0.4;                         // of an image
 constexpr double kTrackedFromM = 1e-3;                         // depth below the face where tracking begins
+
+// Beforehand: ln of what is not stated, about the usual; ln of what is stated, without a deviation of its
+// own; ln E from the face to the bottom of the image.
 constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
 constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image shows
-constexpr double kMaxTiltOfSides = 0.2;  // of the push, to an end of the face: with more none are tried
+constexpr double kLogStated = 0.1;
+constexpr double kUsualGrading = 0.12;
+// What the tissue may be. Where it may end beside the probe, in depths: the next to a place is as likely.
+constexpr std::array kBesideDepths{0.0, 0.1, 0.2, 0.35, 0.5, 0.7};
+constexpr double kGoesOn = 0.5, kSlides = 0.3, kIsBlock = 0.05;  // beforehand: shares of all, of each, of all
+constexpr double kBesideAsStated = 0.9;
+constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps between the places
+
 constexpr double kVary = 0.15, kTiltStep = 0.1;
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
-constexpr int kGolden = 5, kTried = 2 + kGolden, kRounds = 2;
+constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
+constexpr int kRounds = 3, kRoundsOfOthers = 2;
+constexpr double kWorthless = 5;          // ln of the odds against a model that is not looked at closer
+constexpr double kLeastWeight = 0.01;     // of a model that counts
+constexpr double kLogLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
+constexpr double kMaxTiltOfSides = 0.2;   // of the push, to an end of the face: with more none are tried
+constexpr double kModelLog = 0.05;        // of ln(strain): what no such model explains
+constexpr int kCoarsePerSolve = 4;        // solves of coarse tissue that take as long as a fine one
 
-constexpr double kWellExplained = 0.08;  // of the strain, unexplained: nothing else is tried
-constexpr double kBetterBy = 0.7;        // another explanation must leave so much of what is left
-constexpr double kSidesBetterBy = 0.85;  // of a hundred places that differ: ln of the odds is 16
-constexpr double kGradedBetterBy = 0.85;
+constexpr double kFarFromStated = 3, kContradicted = 2;  // deviations of what is stated
+// Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
+// to 0.26.
+constexpr double kContradictedLog = 0.15;
+constexpr double kSure = 0.9;            // weight: no other tissue is named
+constexpr double kSpreadOfDepth = 0.29;  // deviation of the cells' depth, in images
+
+constexpr double kWellExplained = 0.08;  // of the strain, unexplained
+// Standard deviation of ln E where other tissue was not tried: tissue that ends 0.5 to 0.75 depths beside
+// the probe reads 0.79 to 0.89 of the truth, what ends nearer less.
+constexpr double kUnweighedLog = 0.3;
 // Change of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
 constexpr double kNotedGrading = 0.2, kMaxGrading = 1.1;
-constexpr double kNoWorse = 1.25;  // what leaves so much of the strain may as well be true
-// Standard deviation of ln E where other explanations were not tried: tissue that ends 0.5 to 0.75 depths
-// beside the probe reads 0.79 to 0.89 of the truth, what ends nearer less.
-constexpr double kUndoubtedLog = 0.3;
+
+enum Column { kTilt, kGrading, kElevation, kDepth, kBeside };
 
 // The depth at which the tissue begins, where what the image shows above it was not tracked.
 double top_of(const Measured& m) {
@@ -56,314 +81,506 @@ double top_of(const Measured& m) {
   throw NoCompression("no depth of the image was tracked over half of its width; press further");
 }
 
-// The unexplained part of the strain, where the modulus may change with depth as it does in tissue.
-double left(const ProbeFit& fit) {
-  return std::abs(fit.grading) < kMaxGrading ? std::min(fit.rest, fit.graded_rest / kGradedBetterBy)
-                                             : fit.rest;
-}
-
-// ln E of homogeneous tissue that bears 1 N so and strains as was measured.
-double log_scale(const ProbeFit& fit) {
-  return fit.level - std::log(fit.force_n / fit.tissue->force_share());
-}
-
-// Where f was least over [low, high], by golden sections; `usual` where it was nowhere finite.
-double least(double low, double high, int steps, double usual, const auto& f) {
-  constexpr double kSection = 0.618;
-  double at = usual, found = HUGE_VAL;
-  const auto value = [&](double x) {
-    const double v = f(x);
-    if (v < found) at = x, found = v;
-    return v;
-  };
-  double a = high - kSection * (high - low), b = low + kSection * (high - low), fa = value(a), fb = value(b);
-  for (int k = 0; k < steps; ++k)
-    if (fa < fb)
-      high = b, b = a, fb = fa, a = high - kSection * (high - low), fa = value(a);
-    else
-      low = a, a = b, fa = fb, b = low + kSection * (high - low), fb = value(b);
-  return at;
-}
-
-// The change of ln E of the cells by one deviation of an unknown that was varied by kVary; `usual`: how well
-// it is known beforehand; `fitted`: and since. An absolute modulus changes as the strain that goes with a
-// force does, a relative one as the strain beside its mean.
-VectorXd change(const ProbeFit& found, const ProbeFit& varied, double usual, bool fitted, bool absolute) {
-  const Index size = found.homogeneous.size();
-  VectorXd by = VectorXd::Zero(size);
-  if (varied.homogeneous.size() != size) return by;
-  double sum = 0, observed = 0;
-  for (Index c = 0; c < size; ++c) {
-    if (!(found.homogeneous[c] > 0 && varied.homogeneous[c] > 0)) continue;
-    by[c] = std::log(varied.homogeneous[c] / found.homogeneous[c]) / kVary;
-    sum += found.measured.observed[c] * by[c], observed += found.measured.observed[c];
+// What is known of ln of a length beforehand.
+struct Known {
+  bool stated;
+  double log, deviation, low, high;
+  bool contradicted(double at_m) const {
+    return stated && std::abs(std::log(at_m) - log) > kContradicted * deviation;
   }
-  const double mean = sum / std::max(observed, 1.0),
-               of_force = std::log(varied.force_n / found.force_n) / kVary;
-  const CellGrid& cells = found.tissue->cells();
-  const double squares = found.measured.observed.dot((by.array() - mean).square().matrix()) *
-                         cells.spacing_m * cells.row_m / kAlikeM2;
-  by.array() -= absolute ? of_force : mean;
-  return by / std::sqrt((fitted ? squares / squared(found.rest) : 0) + 1 / squared(usual));
+};
+
+Known elevation_known(const TissueExtent& tissue, double elevation_m) {
+  const double low = std::log(kMinElevationM), high = std::log(kMaxElevationM);
+  if (!(elevation_m > 0)) return {false, std::log(kUsualElevationM), kLogUsualElevation, low, high};
+  const double std_m = tissue.probe_elevation_std_m, log = std::log(elevation_m);
+  return {true, log, std_m > 0 ? std_m / elevation_m : kLogStated, std::min(low, log), std::max(high, log)};
 }
 
-std::string words_of_sides(const ProbeFace& face) {
-  if (face.goes_on()) return "";
-  const std::string end = face.beside_m > 0
-                              ? fmt::format("it ends some {:.0f} mm beside the probe", 1e3 * face.beside_m)
-                              : "it is as wide as the probe";
-  return fmt::format("; {}, as the strain shows{}", end, face.slides ? ", and slides on its support" : "");
+Known depth_known(const TissueExtent& tissue, double depth_m, double image_m) {
+  const double low = std::log(image_m), high = std::log(kMaxDepths * image_m);
+  if (!tissue.depth_stated) return {false, std::log(kUsualDepths * image_m), kLogUsualDepth, low, high};
+  const double log = std::log(depth_m);
+  return {true, log, tissue.depth_std_m > 0 ? tissue.depth_std_m / depth_m : kLogStated, std::min(low, log),
+          std::max(high, log)};
 }
 
-// Empty where the modulus changes little, or that explains nothing.
-std::string words_of_grading(const ProbeFit& fit) {
-  if (std::abs(fit.grading) < kNotedGrading || !(left(fit) < fit.rest)) return "";
-  return fmt::format(
-      "; its modulus {} by {:.1f} from the face to the bottom of the image, as the strain shows",
-      fit.grading < 0 ? "falls" : "rises", std::exp(std::abs(fit.grading)));
+// Over what area what is left of a fit is alike: the integral of its autocorrelation while that is above 0,
+// lumps limited to two scales.
+double alike_m2(const VectorXd& left, const CellGrid& cells, double scale) {
+  constexpr Index kReach = 5;  // cells
+  const auto columns = static_cast<Index>(cells.columns), rows = static_cast<Index>(cells.rows);
+  const VectorXd limited = left.cwiseMax(-2 * scale).cwiseMin(2 * scale);
+  double sum = 0;
+  for (Index j = -kReach; j <= kReach; ++j)
+    for (Index i = -kReach; i <= kReach; ++i) {
+      double products = 0;
+      for (Index b = std::max<Index>(0, -j); b < std::min(rows, rows - j); ++b)
+        for (Index a = std::max<Index>(0, -i); a < std::min(columns, columns - i); ++a)
+          products += limited[a + columns * b] * limited[a + i + columns * (b + j)];
+      sum += std::max(0.0, products / limited.squaredNorm());
+    }
+  return std::max(kAlikeM2, sum * cells.spacing_m * cells.row_m);
+}
+
+// Cells that tell no modulus: near the face, and where homogeneous tissue hardly strains.
+void leave_out(const VectorXd& log_strain, const CellGrid& cells, VectorXd& observed) {
+  std::vector<double> values(log_strain.begin(), log_strain.end());
+  const double told = std::log(kTold) + median(values);
+  for (Index c = 0; c < observed.size(); ++c)
+    if (cells.y_m(static_cast<std::size_t>(c)) < kNearFieldM || log_strain[c] < told) observed[c] = 0;
+  if (!(observed.maxCoeff() > 0))
+    throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
+}
+
+// A field of cells in the middles of other cells.
+VectorXd sampled(const VectorXd& of, const CellGrid& cells, const CellGrid& at) {
+  const ImageGrid middles{at.columns, at.rows, at.first_x_m, at.row_m / 2, at.spacing_m, at.row_m};
+  VectorXd out(static_cast<Index>(at.size()));
+  for (std::size_t c = 0; c < at.size(); ++c) out[static_cast<Index>(c)] = at_node(of, cells, middles, 0, c);
+  return out;
 }
 
 }  // namespace
 
-ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
-    : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
+// What all models are held against: coarse cells, linear about a face.
+struct ProbeFitter::Window {
+  std::optional<double> beside_m;  // stated
+  Known elevation, depth;
+  double lateral_ratio = NAN;
+  CellStrains measured = {};
+  VectorXd of_depth = {};  // in images, from the middle of one
+  CellGrid cells = {};
+  double places = 0;    // of a cell, by what is independent in it
+  VectorXd finer = {};  // ln(strain): what fine cells make of it beyond coarse ones
+  ProbeFace face = {};  // of the reference, tissue that goes on: the changes of its ln(strain), ln(force)
+  VectorXd by_tilt = {}, by_elevation = {}, by_depth = {};
+  double force_by_elevation = 0, force_by_depth = 0;
+};
 
-ProbeFitter::Kept& ProbeFitter::kept(const ProbeFace& face, bool block) {
-  if (kept_ && kept_->face == face && kept_->block == block) return *kept_;
-  kept_.reset();
-  Kept made{face, block, block ? make_probed_block(face, *strips_) : make_probed_solid(queue_, face), {}, {}};
-  check_cancelled();
-  ++solves_, made.level = made.tissue->push_homogeneous();
-  kept_ = std::move(made);
-  return *kept_;
-}
+struct ProbeFitter::Model {
+  ProbeFace face;
+  bool block = false;
+  double log_prior = 0;
+  double place_m = 0, step_m = 0;  // beside the probe, and from there to the next
+  VectorXd by_beside = {};
+  double force_by_beside = 0;
+  const Answer* answer = nullptr;  // of `face`
+  RobustFit fit = {};
+  double weight = 0;
+  double odds() const { return log_prior - fit.misfit; }  // ln, but for what all share
+};
 
-ProbeFit ProbeFitter::tried(const Pair& pair, const ProbeFace& face, const VectorXd* by_tilt, bool block) {
-  check_cancelled();
-  ProbeFit out;
-  Kept& kept = this->kept(face, block);
-  out.tissue = kept.tissue, out.face = face, out.top_m = pair.top_m;
-  const CellGrid& cells = out.tissue->cells();
-  out.measured = cell_strains(pair.measured, cells, pair.top_m, pair.sign);
-  out.homogeneous = -as_measured(kept.level.axial_strain, cells, strain_);
-  const bool alike = by_tilt && by_tilt->size() == out.homogeneous.size();
-  if (!alike && !kept.tilted) ++solves_, kept.tilted = out.tissue->push_homogeneous(kTiltStep);
-  out.by_tilt = alike ? *by_tilt : VectorXd(-as_measured(kept.tilted->axial_strain, cells, strain_));
-  std::vector<double> strained, ratios;
-  for (Index c = 0; c < out.homogeneous.size(); ++c)
-    if (out.homogeneous[c] > 0) strained.push_back(out.homogeneous[c]);
-  const double typical = median(strained);
-  VectorXd residual = VectorXd::Zero(out.homogeneous.size());
-  for (Index c = 0; c < out.homogeneous.size(); ++c) {
-    double& observed = out.measured.observed[c];
-    if (cells.y_m(static_cast<std::size_t>(c)) < kNearFieldM || out.homogeneous[c] < kTold * typical)
-      observed = 0;
-    if (!alike)
-      out.by_tilt[c] = out.homogeneous[c] > 0 ? (out.by_tilt[c] / out.homogeneous[c] - 1) / kTiltStep : 0;
-    if (!(observed > 0)) continue;
-    residual[c] = std::log(out.homogeneous[c]) - out.measured.log_strain[c];
-    ratios.push_back(-kept.level.lateral_strain[c] / kept.level.axial_strain[c]);
+struct ProbeFitter::Weighed {
+  Window window;
+  std::vector<Model> models;
+  double best() const {
+    return std::ranges::max_element(models, {}, [](const Model& m) { return m.odds(); })->odds();
   }
-  if (ratios.empty())
-    throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
-  out.lateral_ratio = median(ratios), out.force_n = kept.level.force_n;
-  out.common_log = block || face.goes_on() ? kCommonLog : kCommonLogOfSides;
-  const StrainFit strain = fit_strain(residual, out.measured.observed, out.by_tilt);
-  out.rest = strain.rest, out.tilt = strain.tilt;
-  VectorXd depth(residual.size());  // in images, from the middle of one
-  for (Index c = 0; c < depth.size(); ++c)
-    depth[c] = cells.y_m(static_cast<std::size_t>(c)) / face.image_depth_m - 0.5;
-  const StrainFit graded = fit_strain(residual, out.measured.observed, out.by_tilt, depth);
-  out.grading = graded.grading, out.graded_rest = graded.rest;
-  out.level = strain.level;
-  return out;
-}
-
-// The unknowns: ln of the face's length across the image, and of the tissue's depth.
-struct ProbeFitter::Unknown {
-  bool elevation, depth;
-  double log_elevation, log_depth;
-  ProbeFace face;  // what is known
-  ProbeFace at() const { return at(log_elevation, log_depth); }
-  ProbeFace at(double e, double h) const {
-    ProbeFace out = face;
-    if (elevation) out.elevation_m = std::exp(e);
-    if (depth) out.depth_m = std::exp(h);
-    return out;
+  const Model& least() const {
+    return *std::ranges::min_element(models, {}, [](const Model& m) { return m.fit.rest; });
   }
 };
 
-// The least of what is left, by golden sections along one unknown and the other.
-void ProbeFitter::search(const Pair& pair, Unknown& u, int rounds) {
-  const double image_m = u.face.image_depth_m;
-  // Half squares of what is left, over as many places of the image as differ, and of what is unusual.
-  const double differ = u.face.width_m * image_m / kAlikeM2;
-  VectorXd by_tilt;  // of the first: of the others it is nearly the same
-  const auto cost = [&](double e, double h) {
+ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
+    : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
+
+const ProbeFitter::Answer& ProbeFitter::answer(const ProbeFace& face, bool tilted, double cell_m) {
+  for (const auto& known : answers_)
+    if (known->face == face && !known->block && known->cell_m == cell_m && (!tilted || known->by_tilt.size()))
+      return *known;
+  check_cancelled();
+  const auto tissue = make_probed_solid(queue_, face, cell_m);
+  const int cost = cell_m == kCoarseCellM ? 1 : kCoarsePerSolve;
+  Answer out = answer_of(*tissue, face);
+  out.cell_m = cell_m, coarse_solves_ += cost;
+  if (tilted) {
+    coarse_solves_ += cost;
+    const VectorXd more =
+        -as_measured(tissue->push_homogeneous(kTiltStep).axial_strain, tissue->cells(), strain_);
+    out.by_tilt = (more.array() / out.log_strain.array().exp() - 1) / kTiltStep;
+  }
+  return keep(std::move(out));
+}
+
+const ProbeFitter::Answer& ProbeFitter::block_answer(const ProbeFace& face, const CellGrid& cells) {
+  for (const auto& known : answers_)
+    if (known->face == face && known->block) return *known;
+  check_cancelled();
+  Answer out = answer_of(*make_probed_block(face, *strips_, kCoarseCellM), face);
+  out.block = true, ++coarse_solves_;
+  out.log_strain = sampled(out.log_strain, out.cells, cells);
+  return keep(std::move(out));
+}
+
+ProbeFitter::Answer ProbeFitter::answer_of(ProbedTissue& tissue, const ProbeFace& face) const {
+  const ProbedTissue::Response level = tissue.push_homogeneous();
+  const VectorXd strain = -as_measured(level.axial_strain, tissue.cells(), strain_);
+  std::vector<double> sizes, ratios;
+  for (Index c = 0; c < strain.size(); ++c)
+    if (strain[c] > 0)
+      sizes.push_back(strain[c]), ratios.push_back(-level.lateral_strain[c] / level.axial_strain[c]);
+  if (sizes.empty()) throw std::invalid_argument("tissue_depth_m: no strain reaches the image; check it");
+  return {face,
+          false,
+          kCoarseCellM,
+          tissue.cells(),
+          strain.cwiseMax(kLeastStrain * median(sizes)).array().log(),
+          std::log(level.force_n),
+          median(ratios),
+          {}};
+}
+
+const ProbeFitter::Answer& ProbeFitter::keep(Answer answer) {
+  answers_.push_back(std::make_unique<Answer>(std::move(answer)));
+  return *answers_.back();
+}
+
+// At one scale, or that of what it leaves itself.
+void ProbeFitter::fit(const Window& w, Model& m, double scale) {
+  VectorXd residual = m.answer->log_strain - w.measured.log_strain;
+  if (!m.block) residual += w.finer;
+  std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}, {w.of_depth, 0, kUsualGrading, true}};
+  if (!m.block) {
+    const auto known = [&](const Known& of, const VectorXd& by, double at_m) {
+      columns.push_back({-by, of.log - std::log(at_m), of.deviation, of.stated});
+    };
+    known(w.elevation, w.by_elevation, m.face.elevation_m);
+    known(w.depth, w.by_depth, m.face.depth_m);
+    if (m.by_beside.size()) columns.push_back({-m.by_beside, 0, kOfGridStep, false});
+  }
+  m.fit = fit_robustly(residual, w.measured.observed, columns, w.places, scale);
+  if (std::isfinite(w.lateral_ratio))
+    m.fit.misfit += std::log1p(squared((w.lateral_ratio - m.answer->lateral_ratio) / kLogLateralRatio) / 2);
+}
+
+// To where its elevation, depth and end are linear.
+void ProbeFitter::settle(const Window& w, Model& m, int rounds) {
+  for (; rounds > 0 && !m.block; --rounds) {
+    ProbeFace face = m.face;
+    const auto moved = [](const Known& of, double at_m, double by) {
+      return std::exp(std::clamp(std::log(at_m) + by, of.low, of.high));
+    };
+    face.elevation_m = moved(w.elevation, face.elevation_m, m.fit.at[kElevation]);
+    face.depth_m = moved(w.depth, face.depth_m, m.fit.at[kDepth]);
+    if (m.by_beside.size())
+      face.beside_m = std::clamp(face.beside_m + m.step_m * m.fit.at[kBeside],
+                                 std::max(0.0, m.place_m - m.step_m / 2), m.place_m + m.step_m / 2);
+    const double way =
+        std::max({std::abs(std::log(face.elevation_m / m.face.elevation_m)),
+                  std::abs(std::log(face.depth_m / m.face.depth_m)),
+                  m.step_m > 0 ? 0.5 * std::abs(face.beside_m - m.face.beside_m) / m.step_m : 0.0});
+    if (way < kSettled) return;
     try {
-      const ProbeFit at = tried(pair, u.at(e, h), &by_tilt);
-      by_tilt = at.by_tilt;
-      return differ * std::log(at.rest) + squared((e - std::log(kUsualElevationM)) / kLogUsualElevation) / 2 +
-             squared((h - std::log(kUsualDepths * image_m)) / kLogUsualDepth) / 2;
-    } catch (const std::invalid_argument&) {
-      return HUGE_VAL;  // beyond what is modelled
+      Model other = m;
+      other.face = face, other.answer = &answer(face);
+      fit(w, other, 0);
+      m = std::move(other);
+    } catch (const std::invalid_argument&) {  // beyond what is modelled
+      return;
     }
-  };
-  if (!(u.elevation && u.depth)) rounds = u.elevation || u.depth;
-  for (int round = 0; round < rounds; ++round) {
-    if (u.elevation)
-      u.log_elevation = least(std::log(kMinElevationM), std::log(kMaxElevationM), kGolden, u.log_elevation,
-                              [&](double e) { return cost(e, u.log_depth); });
-    if (u.depth)
-      u.log_depth = least(std::log(image_m), std::log(kMaxDepths * image_m), kGolden, u.log_depth,
-                          [&](double h) { return cost(u.log_elevation, h); });
   }
 }
 
-// Deeper than stated, a block, or with sides: what explains the strain better. What explains it no worse and
-// would bear the force by another modulus widens what is stated.
-void ProbeFitter::doubt(const Pair& pair, Unknown& u, ProbeFit& out, const ModulusInput& in) {
-  std::vector<Rival> rivals{{left(out), log_scale(out)}};
-  try_others(pair, u, out, rivals);
-  if (!in.force) return;
-  double apart = 0;
-  for (const Rival& r : rivals)
-    if (r.left < kNoWorse * left(out)) apart = std::max(apart, std::abs(r.log_scale - log_scale(out)));
-  out.common_log = std::hypot(out.common_log, apart);
+// Tissue that goes on, to where it is linear.
+ProbeFitter::Model ProbeFitter::reference(Window& w, const ProbeFace& start, int rounds) {
+  const Answer& fine = answer(start, false, kFineCellM);
+  Model out{start};
+  const auto linear = [&] {
+    w.face = out.face;
+    out.answer = &answer(w.face, true);
+    w.by_tilt = out.answer->by_tilt;
+    const auto by = [&](double ProbeFace::*length, VectorXd& of_strain, double& of_force) {
+      // The one way or the other: it may stand at the edge of what is modelled.
+      const auto varied = [&](double way) {
+        ProbeFace face = w.face;
+        face.*length *= std::exp(way);
+        const Answer& other = answer(face);
+        of_strain = (other.log_strain - out.answer->log_strain) / way;
+        of_force = (other.log_force - out.answer->log_force) / way;
+      };
+      try {
+        varied(kVary);
+      } catch (const std::invalid_argument&) {
+        varied(-kVary);
+      }
+    };
+    by(&ProbeFace::elevation_m, w.by_elevation, w.force_by_elevation);
+    by(&ProbeFace::depth_m, w.by_depth, w.force_by_depth);
+  };
+  linear();
+  w.finer = sampled(fine.log_strain, fine.cells, w.cells) - out.answer->log_strain;
+  for (int round = 1;; ++round) {
+    fit(w, out, 0);
+    const ProbeFace before = out.face;
+    if (round < rounds) settle(w, out, 1);
+    if (out.face == before) return out;
+    linear();
+  }
 }
 
-void ProbeFitter::try_others(const Pair& pair, Unknown& u, ProbeFit& out, std::vector<Rival>& rivals) {
-  const Unknown stated = u;
-  const auto to_beat = [&] { return stated.depth ? out.rest : left(out); };
-  const auto considered = [&](const ProbeFit& other) {
-    rivals.push_back({left(other), log_scale(other)});
-    return other.rest;
-  };
+// What else the tissue may be.
+void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
+  const bool stated = w.beside_m.has_value();
+  const double others = stated ? 1 - kBesideAsStated : 1, places = kBesideDepths.size(),
+               end = (1 - kGoesOn - kIsBlock) / places;
+  models[0].log_prior = std::log(kGoesOn * (1 - kSlides) * others);
   // A face that touches in part looks tilted, and sides would explain some of it.
-  const bool tilted = std::abs(out.tilt) > kMaxTiltOfSides;
-  if (!u.depth) {
-    Unknown deeper = u;
-    deeper.depth = true;
-    search(pair, deeper, 1);
-    ProbeFit other = tried(pair, deeper.at());
-    // Its own modulus may change with depth as well.
-    if (considered(other) < kBetterBy * out.rest && left(other) < kBetterBy * left(out))
-      u = deeper, out = std::move(other);
-  }
-  if (stated.face.image_depth_m < kDeepestBlockM) {
-    ProbeFace as_wide = out.face;
-    as_wide.beside_m = 0;
-    const double ratio = lateral_ratio(pair.measured).value_or(0);
-    ProbeFit block = tried(pair, as_wide, nullptr, true);
-    if (considered(block) < (ratio > kBlockRatio ? 1 : kBetterBy) * to_beat()) {
-      block.words = fmt::format(
-          "a block as wide as the probe: a uniform strain leaves {:.0f} % of it unexplained, tissue that "
-          "goes on beside the probe {:.0f} %; it spreads sideways by {:.2f} of its axial strain",
-          100 * block.rest, 100 * out.rest, ratio);
-      out = std::move(block);
-    }
-  }
-  if (tilted) return;
-  const ProbeFace usual = stated.at();
-  struct Sides {
-    double depths;
-    bool slides;
-  };
-  bool ends = false;
-  VectorXd by_tilt;  // of the first: of the others it is nearly the same
-  for (const Sides& sides : {Sides{kFarDepths, false}, Sides{kFarDepths, true}, Sides{kNearDepths, false},
-                             Sides{kNearDepths, true}, Sides{0, false}}) {
-    if (stated.depth && sides.depths == kNearDepths) continue;  // a depth that is too large looks like that
-    Unknown other = stated;
-    other.face.beside_m = sides.depths * usual.depth_m, other.face.slides = sides.slides;
+  const bool tilted = std::abs(models[0].fit.at[kTilt]) > kMaxTiltOfSides;
+  const auto consider = [&](Model model, double prior) {
     try {
-      ProbeFit found = tried(pair, other.at(), &by_tilt);
-      by_tilt = found.by_tilt;
-      double share = ends ? 1 : kSidesBetterBy;
-      // The block's depth is not seen: where it is stated the solid is the likelier of the two.
-      if (!ends && !out.words.empty() && sides.depths == 0 && !stated.depth) share = 1 / kSidesBetterBy;
-      if (!(considered(found) < share * (ends ? out.rest : to_beat()))) continue;
-      ends = true, u = other, out = std::move(found);
+      model.answer = model.block ? &block_answer(model.face, w.cells) : &answer(model.face);
+      model.log_prior = std::log(prior);
+      models.push_back(std::move(model));
     } catch (const std::invalid_argument&) {  // beyond what is modelled
     }
+  };
+  const auto with = [&](double beside_m, bool slides, double step_m = 0) {
+    Model model{w.face};
+    model.face.beside_m = model.place_m = beside_m, model.face.slides = slides, model.step_m = step_m;
+    return model;
+  };
+  if (w.face.image_depth_m < kDeepestBlockM) {
+    Model block = with(0, false);
+    block.block = true;
+    consider(std::move(block), kIsBlock * others);
   }
-  if (!ends || !(u.elevation || u.depth)) return;
-  Unknown again = u;
-  search(pair, again, 1);
-  if (ProbeFit other = tried(pair, again.at()); other.rest < out.rest) u = again, out = std::move(other);
+  for (const bool slides : {false, true}) {
+    if (tilted) return;
+    const double of_support = slides ? kSlides : 1 - kSlides;
+    const std::size_t first = models.size(), last = first + kBesideDepths.size() - 1;
+    for (std::size_t k = 0; k < kBesideDepths.size(); ++k) {
+      const double before = kBesideDepths[std::max<std::size_t>(k, 1) - 1],
+                   after = kBesideDepths[std::min(k + 1, kBesideDepths.size() - 1)];
+      const int ways = k > 0 && k + 1 < kBesideDepths.size() ? 2 : 1;
+      consider(with(w.face.depth_m * kBesideDepths[k], slides, w.face.depth_m * (after - before) / ways),
+               end * of_support * others);
+    }
+    for (std::size_t k = first; models.size() == last + 1 && k <= last; ++k) {
+      const Model &before = models[std::max(k, first + 1) - 1], &after = models[std::min(k + 1, last)];
+      const double steps = (after.face.beside_m - before.face.beside_m) / models[k].step_m;
+      models[k].by_beside = (after.answer->log_strain - before.answer->log_strain) / steps;
+      models[k].force_by_beside = (after.answer->log_force - before.answer->log_force) / steps;
+    }
+    if (stated) consider(with(*w.beside_m, slides), kBesideAsStated * of_support);
+  }
 }
 
-int ProbeFitter::max_solves(const ModulusInput& in, double elevation_m, FitEffort effort) {
-  const int depth = !in.tissue.depth_stated, elevation = !(elevation_m > 0);
-  constexpr int kOne = 2;  // level and tilted
-  // Tissue that ends has other cells for each depth: no tilt serves two.
-  const auto searched = [](int unknowns, int rounds, int each) {
-    return unknowns == 0 ? 0 : 1 + rounds * unknowns * kTried * each;
-  };
-  const int varied = kOne * 2 * (elevation + depth);  // the one way or the other
-  const int usual = kOne + varied,
-            fitted = usual + searched(elevation + depth, elevation + depth == 2 ? kRounds : 1, 1);
-  if (effort == FitEffort::kUsual) return usual;
-  if (effort == FitEffort::kFitted) return fitted;
-  constexpr int kBlock = kOne, kSides = 5 * kOne;
-  const int deeper = depth ? 0 : searched(elevation + 1, 1, 1) + kOne,
-            again = searched(elevation + depth, 1, kOne) + kOne;
-  return fitted + deeper + kBlock + kSides + again;
+ProbeFitter::Weighed ProbeFitter::weigh(Window window, const ProbeFace& start, bool all) {
+  Weighed out{std::move(window), {}};
+  out.models.push_back(reference(out.window, start, all ? kRounds : 1));
+  if (!all) return out;
+  consider_others(out.window, out.models);
+  for (Model& m : out.models) fit(out.window, m, 0);
+  for (Model& m : out.models)
+    if (m.odds() > out.best() - kWorthless) settle(out.window, m, kRoundsOfOthers);
+  return out;
+}
+
+int ProbeFitter::max_solves(FitEffort effort) {
+  constexpr int kReference = kCoarsePerSolve + 4 * kRounds, kFirst = kCoarsePerSolve + 4,
+                kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1) + 1,
+                kWeigh = kReference + (1 + kOthers) * (1 + kRoundsOfOthers);
+  const int coarse = effort == FitEffort::kUsual ? kFirst : kReference + 2 * kWeigh;
+  return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign, FitEffort effort) {
-  solves_ = 0;
-  const Measured& m = in.measured;
-  const Pair pair{m, top_of(m), sign};
-  const double image_m = m.grid.y_m(m.grid.size() - 1) + m.grid.dy_m / 2 - pair.top_m;
-  if (!(in.tissue.depth_m > pair.top_m))
+  constexpr std::ptrdiff_t kAnswers = 300;
+  if (std::ssize(answers_) > kAnswers) answers_.clear();
+  coarse_solves_ = 0;
+  const Measured& measured = in.measured;
+  const double top_m = top_of(measured), depth_m = in.tissue.depth_m - top_m;
+  if (!(depth_m > 0))
     throw std::invalid_argument(
         fmt::format("tissue_depth_m: the tissue ends {:.1f} mm deep, but nothing was tracked above {:.1f} mm",
-                    1e3 * in.tissue.depth_m, 1e3 * pair.top_m));
-  Unknown u{
-      !(elevation_m > 0),
-      !in.tissue.depth_stated,
-      std::log(kUsualElevationM),
-      std::log(kUsualDepths * image_m),
-      {in.window_width_m, elevation_m, in.tissue.depth_m - pair.top_m, image_m, in.tissue.poisson_ratio}};
-  if (effort != FitEffort::kUsual) search(pair, u, kRounds);
-  ProbeFit out = tried(pair, u.at());
-  const bool doubtful = out.rest > kWellExplained, doubted = doubtful && effort == FitEffort::kDoubted;
-  if (doubted) doubt(pair, u, out, in);
-  // Sides may look like it: it counts where all was tried.
-  const std::string grading = doubted ? words_of_grading(out) : "";
-  if (!grading.empty()) out.rest = out.graded_rest;
-  out.undoubted = doubtful && !doubted;
-  if (out.undoubted) out.common_log = std::hypot(out.common_log, kUndoubtedLog);
-  out.as_usual = effort == FitEffort::kUsual && (u.elevation || u.depth);
-  if (out.words.empty()) {
-    // The one way or the other: it may stand at the edge of what is modelled.
-    const auto vary = [&](double by_e, double by_h, double usual) {
-      const auto changed = [&](double way) {
-        const ProbeFace varied = u.at(u.log_elevation + way * by_e, u.log_depth + way * by_h);
-        return change(out, tried(pair, varied, &out.by_tilt), usual, !out.as_usual, in.force.has_value());
+                    1e3 * in.tissue.depth_m, 1e3 * top_m));
+  const double shown_m = measured.grid.y_m(measured.grid.size() - 1) + measured.grid.dy_m / 2 - top_m,
+               image_m = in.tissue.depth_stated ? std::min(shown_m, depth_m) : shown_m;
+  Window w{in.tissue.beside_m, elevation_known(in.tissue, elevation_m),
+           depth_known(in.tissue, depth_m, image_m)};
+  if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
+  const auto usual = [&](const Window& of) {
+    return ProbeFace{in.window_width_m, std::exp(of.elevation.log), std::exp(of.depth.log), image_m,
+                     in.tissue.poisson_ratio};
+  };
+  const Answer& first = answer(usual(w), true);
+  w.cells = first.cells;
+  w.measured = cell_strains(measured, w.cells, top_m, sign);
+  w.places = w.cells.spacing_m * w.cells.row_m / kAlikeM2;
+  leave_out(first.log_strain, w.cells, w.measured.observed);
+  w.of_depth.resize(first.log_strain.size());
+  for (std::size_t c = 0; c < w.cells.size(); ++c)
+    w.of_depth[static_cast<Index>(c)] = w.cells.y_m(c) / image_m - 0.5;
+
+  const bool all = effort == FitEffort::kWeighed;
+  Weighed found = weigh(w, usual(w), all);
+  if (all) {
+    std::vector<Weighed> starts;
+    // What is stated may be wrong by more than is linear: from where it would be if nothing were stated.
+    if (w.elevation.stated || w.depth.stated) {
+      TissueExtent nothing = in.tissue;
+      nothing.depth_stated = false;
+      Window open = w;
+      open.elevation = elevation_known(nothing, 0), open.depth = depth_known(nothing, depth_m, image_m);
+      const ProbeFace free = reference(open, usual(open), kRounds).face;
+      const auto far = [](const Known& stated, double at_m) {
+        return stated.stated && std::abs(std::log(at_m) - stated.log) > kFarFromStated * stated.deviation;
       };
-      try {
-        out.changes.push_back(changed(1));
-      } catch (const std::invalid_argument&) {
-        out.changes.push_back(changed(-1));
-      }
-    };
-    if (u.elevation) vary(kVary, 0, kLogUsualElevation);
-    if (u.depth) vary(0, kVary, kLogUsualDepth);
-    const auto origin = [&out](bool unknown) {
-      return !unknown ? "stated" : out.as_usual ? "usual" : "fitted";
-    };
-    out.words = fmt::format(
-        "solid tissue {:.0f} mm deep ({}{}) under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the strain "
-        "unexplained where it is homogeneous",
-        1e3 * out.face.depth_m, origin(u.depth), words_of_sides(out.face), 1e3 * out.face.width_m,
-        1e3 * out.face.elevation_m, origin(u.elevation), 100 * out.rest);
+      if (far(w.elevation, free.elevation_m) || far(w.depth, free.depth_m))
+        starts.push_back(weigh(w, free, true));
+    }
+    starts.push_back(std::move(found));
+    const Model& least =
+        std::ranges::min_element(starts, {}, [](const Weighed& s) { return s.least().fit.rest; })->least();
+    const double scale = std::hypot(least.fit.rest, kModelLog),
+                 places = w.cells.spacing_m * w.cells.row_m / alike_m2(least.fit.left, w.cells, scale);
+    for (Weighed& start : starts) {
+      start.window.places = places;
+      for (Model& m : start.models) fit(start.window, m, scale);
+    }
+    found = std::move(*std::ranges::max_element(starts, {}, [](const Weighed& s) { return s.best(); }));
   }
-  out.words += grading;
-  if (pair.top_m > 0)
-    out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * pair.top_m);
-  out.solves = solves_;
+  const double best = found.best();
+  double sum = 0;
+  for (Model& m : found.models) sum += m.weight = std::exp(m.odds() - best);
+  for (Model& m : found.models) m.weight /= sum;
+  ProbeFit out = publish(found, in, sign, all);
+  out.top_m = top_m;
+  if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
+  out.solves = (coarse_solves_ + kCoarsePerSolve - 1) / kCoarsePerSolve;
+  return out;
+}
+
+ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, double sign, bool all) {
+  const Window& w = weighed.window;
+  // By kind: what ends here or there ends.
+  struct Kind {
+    const Model* of;
+    double weight;
+  };
+  std::map<std::array<int, 2>, Kind> kinds;
+  for (const Model& m : weighed.models) {
+    const int ends = m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2;
+    Kind& kind = kinds.try_emplace({ends, m.face.slides}, Kind{&m, 0}).first->second;
+    kind.weight += m.weight;
+    if (m.weight > kind.of->weight) kind.of = &m;
+  }
+  std::vector<Kind> order;
+  for (const auto& [_, kind] : kinds) order.push_back(kind);
+  std::ranges::sort(order, std::ranges::greater{}, [](const Kind& k) { return k.weight; });
+  const Model& likeliest = *order[0].of;
+
+  // In the cells of the likeliest.
+  ProbeFit out;
+  out.face = likeliest.face;
+  if (!kept_ || kept_->face != out.face || kept_->block != likeliest.block) {
+    kept_.reset();
+    kept_ = {out.face, likeliest.block,
+             likeliest.block ? make_probed_block(out.face, *strips_) : make_probed_solid(queue_, out.face)};
+  }
+  out.tissue = kept_->tissue;
+  const CellGrid& cells = out.tissue->cells();
+  const auto in_cells = [&](const VectorXd& coarse) { return sampled(coarse, w.cells, cells); };
+  out.measured = cell_strains(in.measured, cells, top_of(in.measured), sign);
+  leave_out(in_cells(likeliest.answer->log_strain), cells, out.measured.observed);
+  out.by_tilt = in_cells(w.by_tilt);
+  out.lateral_ratio = likeliest.answer->lateral_ratio;
+
+  // Of a face on tissue that goes on, about the same for all.
+  double log_share = 0;
+  if (in.force && std::ranges::any_of(weighed.models, [](const Model& m) {
+        return m.face.goes_on() && m.weight > kLeastWeight;
+      }))
+    log_share = std::log(out.face.goes_on() ? out.tissue->force_share()
+                                            : make_probed_solid(queue_, w.face, kCoarseCellM)->force_share());
+  // An absolute modulus goes as the strain that a force brings, a relative one as the strain beside its mean.
+  const double observed = w.measured.observed.sum();
+  const auto of_modulus = [&](VectorXd log_strain, double log_force) {
+    log_strain.array() -= in.force ? log_force : w.measured.observed.dot(log_strain) / observed;
+    return log_strain;
+  };
+  const auto found = [&](const Model& m, double share = 1) {
+    VectorXd log_strain = m.answer->log_strain;
+    double log_force = m.answer->log_force - (m.face.goes_on() ? log_share : 0);
+    const auto add = [&](Index column, const VectorXd& of_strain, double of_force) {
+      log_strain += share * m.fit.at[column] * of_strain, log_force += share * m.fit.at[column] * of_force;
+    };
+    if (!m.block && all) {
+      add(kElevation, w.by_elevation, w.force_by_elevation), add(kDepth, w.by_depth, w.force_by_depth);
+      if (m.by_beside.size()) add(kBeside, m.by_beside, m.force_by_beside);
+    }
+    return of_modulus(std::move(log_strain), log_force);
+  };
+  const VectorXd used = found(likeliest, 0);
+  VectorXd mean = VectorXd::Zero(used.size());
+  for (const Model& m : weighed.models)
+    if (m.weight > kLeastWeight) mean += m.weight * (found(m) - used);
+  out.shift = in_cells(mean);
+  if (weighed.models.size() > 1)
+    for (const Model& m : weighed.models)
+      if (m.weight > kLeastWeight)
+        out.changes.push_back(in_cells(std::sqrt(m.weight) * (found(m) - used - mean)));
+  // And what the likeliest leaves open of itself.
+  if (!likeliest.block) {
+    std::vector<VectorXd> by{of_modulus(w.by_elevation, w.force_by_elevation),
+                             of_modulus(w.by_depth, w.force_by_depth)};
+    if (likeliest.by_beside.size()) by.push_back(of_modulus(likeliest.by_beside, likeliest.force_by_beside));
+    const auto count = static_cast<Index>(by.size());
+    MatrixXd covariance = likeliest.fit.covariance.block(kElevation, kElevation, count, count);
+    if (!all)
+      covariance = Eigen::Vector2d(squared(w.elevation.deviation), squared(w.depth.deviation)).asDiagonal();
+    const MatrixXd root = covariance.llt().matrixL();
+    for (Index k = 0; k < count; ++k) {
+      VectorXd change = VectorXd::Zero(used.size());
+      for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
+      out.changes.push_back(in_cells(change));
+    }
+  }
+  out.common_log = likeliest.block || out.face.goes_on() ? kCommonLog : kCommonLogOfSides;
+  const double grading = likeliest.fit.at[kGrading];
+  out.rest = std::abs(grading) < kMaxGrading ? likeliest.fit.rest
+                                             : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);
+  out.as_usual = !all && !(w.elevation.stated && w.depth.stated);
+  out.unweighed = !all && (out.rest > kWellExplained || std::abs(grading) > kNotedGrading);
+  if (out.unweighed) out.common_log = std::hypot(out.common_log, kUnweighedLog);
+  const auto contradicts = [&](const Known& known, double at_m, const char* what) {
+    if (likeliest.block || !known.contradicted(at_m)) return;
+    out.contradicted +=
+        fmt::format("{}{} is stated as {:.1f} mm, but the strain shows {:.1f} mm",
+                    out.contradicted.empty() ? "" : "; ", what, 1e3 * std::exp(known.log), 1e3 * at_m);
+  };
+  contradicts(w.elevation, out.face.elevation_m, "the face's length across the image");
+  contradicts(w.depth, out.face.depth_m, "the tissue's depth");
+  if (!out.contradicted.empty()) out.common_log = std::hypot(out.common_log, kContradictedLog);
+
+  const auto origin = [&](const Known& of, double at_m) {
+    return of.contradicted(at_m) ? fmt::format("stated as {:.1f}", 1e3 * std::exp(of.log))
+                                 : std::string(of.stated      ? "stated"
+                                               : out.as_usual ? "usual"
+                                                              : "fitted");
+  };
+  const auto words_of = [](const Model& m) -> std::string {
+    if (m.block) return "is a block as wide as the probe";
+    const std::string end = m.face.goes_on() ? "goes on beside the probe"
+                            : m.face.beside_m > 0
+                                ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
+                                : "is as wide as the probe";
+    return end + (m.face.slides ? " and slides on its support" : "");
+  };
+  std::string tissue = words_of(likeliest);
+  if (order[0].weight < kSure)
+    tissue += fmt::format(" (weight {:.2f}; or {}: {:.2f})", order[0].weight, words_of(*order[1].of),
+                          order[1].weight);
+  out.words = fmt::format(
+      "solid tissue {:.0f} mm deep ({}) that {}, under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the "
+      "strain unexplained where it is homogeneous",
+      1e3 * out.face.depth_m, origin(w.depth, out.face.depth_m), tissue, 1e3 * out.face.width_m,
+      1e3 * out.face.elevation_m, origin(w.elevation, out.face.elevation_m), 100 * out.rest);
+  if (std::abs(grading) > kNotedGrading)
+    out.words +=
+        fmt::format("; its modulus {} by a factor of {:.1f} from the face to the bottom of the image",
+                    grading < 0 ? "falls" : "rises", std::exp(std::abs(grading)));
   return out;
 }
 

@@ -1,5 +1,5 @@
-// How the probe stands on the tissue, fitted to the axial strain of what looks homogeneous (T3.6): which kind
-// of tissue it is, tilt, and what is not stated of the face.
+// What the tissue under a probe may be, weighed by the axial strain of what looks homogeneous (T3.6): where
+// it ends beside the probe, what it lies on, how deep it is, how long the face, how it is tilted.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,32 +17,31 @@ namespace teletact::service {
 
 // Over so much of the image tissue and model differ alike.
 inline constexpr double kAlikeM2 = 25e-6;
+inline constexpr double kUsualTilt = 0.3;  // of the push, to an end of the face
 
-// What is tried, decided before the first solve: nothing, what is not stated of the face, and what else may
-// explain the strain.
-enum class FitEffort { kUsual, kFitted, kDoubted };
+// What is tried, decided before the first solve: tissue that goes on beside the probe under a face as stated
+// or usual; or all.
+enum class FitEffort { kUsual, kWeighed };
 
+// Cells are those of `tissue`.
 struct ProbeFit {
-  std::shared_ptr<ProbedTissue> tissue;
+  std::shared_ptr<ProbedTissue> tissue;  // the likeliest
   ProbeFace face;
   double top_m = 0;  // depth of the face in the image
   CellStrains measured;
-  Eigen::VectorXd homogeneous;  // strain of the cells as measured, > 0 where it is compression, per metre
-  Eigen::VectorXd by_tilt;      // d ln(strain) of the cells per unit of tilt
-  double lateral_ratio = 0;     // - lateral over axial strain, median of the cells that are observed
-  // Change of ln E of the cells by one standard deviation of each thing that was fitted.
+  Eigen::VectorXd by_tilt;   // d ln(strain) per unit of tilt
+  double lateral_ratio = 0;  // - lateral over axial strain, median of the cells that are observed
+  // What ln E is beyond that of the likeliest tissue, in the mean over all by their weights; and its change
+  // by one standard deviation of each thing that the strain leaves open.
+  Eigen::VectorXd shift;
   std::vector<Eigen::VectorXd> changes;
-  double common_log = 0;  // of ln E: the mesh, and what the tissue does at its sides
-  double rest = 0;        // of ln(strain): what is unexplained where tissue looks homogeneous
-  double tilt = 0;        // that leaves that
-  // ln of the modulus at the bottom of the image over that at the face, and what is unexplained with it.
-  double grading = 0, graded_rest = 0;
-  double level = 0;        // ln of a metre over the push that was measured
-  double force_n = 0;      // on the face, of homogeneous tissue of 1 Pa, per metre of push
-  bool as_usual = false;   // something that is not stated was not fitted
-  bool undoubted = false;  // it leaves much unexplained, and what may explain it was not tried
-  int solves = 0;          // of the forward model
-  std::string words;       // what was assumed and what was found
+  double common_log = 0;     // of ln E: the mesh, what the tissue does at its sides, what was not tried
+  double rest = 0;           // of ln(strain): what is unexplained where tissue looks homogeneous
+  bool as_usual = false;     // something that is not stated was not fitted
+  bool unweighed = false;    // it leaves much unexplained, and what may explain it was not tried
+  int solves = 0;            // of the forward model
+  std::string words;         // what was assumed and what was found
+  std::string contradicted;  // which of what is stated the strain contradicts
 };
 
 class ProbeFitter {
@@ -52,40 +51,45 @@ class ProbeFitter {
   // std::invalid_argument naming the field.
   ProbeFit fit(const ModulusInput&, double elevation_m, double sign, FitEffort);
   // The most that fit() solves.
-  static int max_solves(const ModulusInput&, double elevation_m, FitEffort);
+  static int max_solves(FitEffort);
 
-  void forget() { kept_.reset(); }
+  void forget() { kept_.reset(), answers_.clear(); }
 
  private:
-  struct Pair {
-    const Measured& measured;
-    double top_m, sign;
+  struct Window;
+  struct Model;
+  // How homogeneous tissue answers a push.
+  struct Answer {
+    ProbeFace face;
+    bool block;
+    double cell_m;
+    CellGrid cells;
+    Eigen::VectorXd log_strain;  // as measured
+    double log_force, lateral_ratio;
+    Eigen::VectorXd by_tilt;  // d ln(strain), where it was asked for
   };
-  struct Unknown;
-  void search(const Pair&, Unknown&, int rounds);
-  // Tissue, and how it answers where it is homogeneous.
+  const Answer& answer(const ProbeFace&, bool tilted = false, double cell_m = kCoarseCellM);
+  const Answer& block_answer(const ProbeFace&, const CellGrid&);
+  Answer answer_of(ProbedTissue&, const ProbeFace&) const;
+  const Answer& keep(Answer);
+  struct Weighed;  // all models about one face
+  void fit(const Window&, Model&, double scale);
+  void settle(const Window&, Model&, int rounds);
+  Model reference(Window&, const ProbeFace& start, int rounds);
+  void consider_others(const Window&, std::vector<Model>&);
+  Weighed weigh(Window, const ProbeFace& start, bool all);
+  ProbeFit publish(const Weighed&, const ModulusInput&, double sign, bool all);
+  Queue queue_;
+  StrainOptions strain_;
+  std::shared_ptr<StripCache> strips_;
+  std::vector<std::unique_ptr<Answer>> answers_;  // of this window and those before
   struct Kept {
     ProbeFace face;
     bool block;
     std::shared_ptr<ProbedTissue> tissue;
-    ProbedTissue::Response level;
-    std::optional<ProbedTissue::Response> tilted;
   };
-  Kept& kept(const ProbeFace&, bool block);
-  void doubt(const Pair&, Unknown&, ProbeFit&, const ModulusInput&);
-  // Another explanation that was tried, and how much of the strain it leaves.
-  struct Rival {
-    double left, log_scale;
-  };
-  void try_others(const Pair&, Unknown&, ProbeFit&, std::vector<Rival>&);
-  // The tissue under such a face, and how well it explains what was measured; `by_tilt` of a face much like
-  // it, which is used where it has the same cells.
-  ProbeFit tried(const Pair&, const ProbeFace&, const Eigen::VectorXd* by_tilt = nullptr, bool block = false);
-  Queue queue_;
-  StrainOptions strain_;
-  std::shared_ptr<StripCache> strips_;
   std::optional<Kept> kept_;  // of the pair before
-  int solves_ = 0;
+  int coarse_solves_ = 0;
 };
 
 }  // namespace teletact::service

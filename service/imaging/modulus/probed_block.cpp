@@ -11,17 +11,16 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kBlockCellM = 1e-3;
 constexpr double kDeeper = 2;  // than the image: what is bonded there is not seen
 
 class ProbedBlock : public ProbedTissue {
  public:
-  ProbedBlock(const ProbeFace& face, StripCache& strips)
+  ProbedBlock(const ProbeFace& face, StripCache& strips, double cell_m)
       : face_(face),
         strip_(strips.get({face.width_m, kDeeper * face.image_depth_m, 0, face.poisson_ratio, Plane::kStress},
                           face.width_m)) {
-    const auto cells = [](double length_m) {
-      return std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(length_m / kBlockCellM)));
+    const auto cells = [cell_m](double length_m) {
+      return std::max<std::size_t>(4, static_cast<std::size_t>(std::lround(length_m / cell_m)));
     };
     cells_.columns = cells(face.width_m), cells_.rows = cells(face.image_depth_m);
     cells_.spacing_m = face.width_m / static_cast<double>(cells_.columns);
@@ -71,8 +70,8 @@ class ProbedBlock : public ProbedTissue {
 
 }  // namespace
 
-std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace& face, StripCache& strips) {
-  return std::make_unique<ProbedBlock>(face, strips);
+std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace& face, StripCache& strips, double cell_m) {
+  return std::make_unique<ProbedBlock>(face, strips, cell_m);
 }
 
 }  // namespace teletact::service

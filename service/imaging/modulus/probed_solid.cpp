@@ -22,9 +22,8 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kCellM = 1e-3;  // about, under the probe
 // Nodes under the probe across the plane, odd: one lies in it; fewer where the period would be too short.
-constexpr std::size_t kMaxAcross = 7, kMinAcross = 3;
+constexpr std::size_t kMaxAcross = 7, kCoarseAcross = 5, kMinAcross = 3;
 // Nodes h apart that are pushed alike act as a face that ends a quarter of h beyond the last: strains at 4 mm
 // and deeper are then within 2 % of those of a mesh three times as fine.
 constexpr double kBeyond = 0.5;
@@ -73,34 +72,34 @@ double gap_m(const ProbeFace& face) {
 
 // Nodes pressed along the image. Tissue that ends takes more steps than tissue that goes on: for it cells are
 // a little wider where half of the nodes are enough then.
-std::size_t nodes_along(const ProbeFace& face) {
+std::size_t nodes_along(const ProbeFace& face, double cell_m) {
   require_above_zero(face.width_m, "window_width_m");
   constexpr double kWidestM = 1.5e-3;
   const double of_half_m = (face.width_m + gap_m(face)) / static_cast<double>(kMaxColumns / 2),
-               cell_m = face.goes_on() || of_half_m > kWidestM ? kCellM : std::max(kCellM, of_half_m);
-  return std::clamp<std::size_t>(static_cast<std::size_t>(face.width_m / cell_m + 0.49), 8, kMaxColumns / 2);
+               along_m = face.goes_on() || of_half_m > kWidestM ? cell_m : std::max(cell_m, of_half_m);
+  return std::clamp<std::size_t>(static_cast<std::size_t>(face.width_m / along_m + 0.49), 8, kMaxColumns / 2);
 }
 
 double spacing(double length_m, std::size_t nodes) {
   return length_m / (static_cast<double>(nodes - 1) + kBeyond);
 }
 
-CellGrid cells_under(const ProbeFace& face) {
+CellGrid cells_under(const ProbeFace& face, double cell_m) {
   require_above_zero(face.image_depth_m, "image_depth_m");
   require_above_zero(face.depth_m, "depth_m");
   CellGrid cells;
   const double image_m = std::min(face.image_depth_m, face.depth_m);
-  cells.columns = nodes_along(face) - 1;
-  cells.spacing_m = spacing(face.width_m, nodes_along(face));
+  cells.columns = nodes_along(face, cell_m) - 1;
+  cells.spacing_m = spacing(face.width_m, nodes_along(face, cell_m));
   cells.first_x_m = (kBeyond / 2 + 0.5) * cells.spacing_m;
-  cells.rows = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(image_m / kCellM)), 4, kMaxRows);
+  cells.rows = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(image_m / cell_m)), 4, kMaxRows);
   cells.row_m = image_m / static_cast<double>(cells.rows);
   return cells;
 }
 
 // Nodes of the face across the plane.
-std::size_t nodes_across(const ProbeFace& face) {
-  std::size_t nodes = kMaxAcross;
+std::size_t nodes_across(const ProbeFace& face, double cell_m) {
+  std::size_t nodes = cell_m > kFineCellM ? kCoarseAcross : kMaxAcross;
   const auto fits = [&](std::size_t columns) {
     return static_cast<double>(nodes) + gap_m(face) / spacing(face.elevation_m, nodes) <=
            static_cast<double>(columns);
@@ -116,10 +115,9 @@ std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
   return std::bit_ceil(static_cast<std::size_t>(wanted));
 }
 
-SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells) {
+SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells, std::size_t across) {
   require_above_zero(face.elevation_m, "probe_elevation_m");
   SolidTissue tissue;
-  const std::size_t across = nodes_across(face);
   tissue.grid.spacing_x_m = cells.spacing_m;
   tissue.grid.spacing_z_m = spacing(face.elevation_m, across);
   tissue.grid.nx = period(cells.columns + 1, gap_m(face), tissue.grid.spacing_x_m);
@@ -149,8 +147,7 @@ std::vector<double> within(const ProbeFace& face, std::size_t period, std::size_
 }
 
 // Nodes (i, k) of the surface, the face's corner at i = 0, its middle at k = 0.
-SurfacePatch patch_under(const ProbeFace& face, const SolidGrid& grid, const CellGrid& cells) {
-  const std::size_t across = nodes_across(face);
+SurfacePatch patch_under(const SolidGrid& grid, const CellGrid& cells, std::size_t across) {
   SurfacePatch patch;
   for (std::size_t k = 0; k < across; ++k)
     for (std::size_t i = 0; i <= cells.columns; ++i)
@@ -167,12 +164,15 @@ double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch) {
 
 class ProbedSolid : public ProbedTissue {
  public:
-  ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells)
+  ProbedSolid(const Queue& queue, const ProbeFace& face, double cell_m)
+      : ProbedSolid(queue, face, cells_under(face, cell_m), nodes_across(face, cell_m)) {}
+  ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells, std::size_t across)
       : face_(face),
-        tissue_(tissue_under(face, cells)),
+        nodes_across_(across),
+        tissue_(tissue_under(face, cells, across)),
         along_(within(face, tissue_.grid.nx, cells.columns, cells.spacing_m)),
-        across_(within(face, tissue_.grid.nz, nodes_across(face) - 1, tissue_.grid.spacing_z_m)),
-        patch_(patch_under(face, tissue_.grid, cells)),
+        across_(within(face, tissue_.grid.nz, across - 1, tissue_.grid.spacing_z_m)),
+        patch_(patch_under(tissue_.grid, cells, across)),
         queue_(queue),
         solver_(queue, tissue_) {
     cells_ = cells;
@@ -236,8 +236,7 @@ class ProbedSolid : public ProbedTissue {
           if (face_.slides && j + kSlidingRows >= grid.layers())
             for (double& modulus : row) modulus *= kSlidingModulus;
         }
-        const std::size_t middle =
-            (k + (nodes_across(face_) - 1) / 2) % grid.nz;  // across_ begins at its edge
+        const std::size_t middle = (k + (nodes_across_ - 1) / 2) % grid.nz;  // across_ begins at its edge
         double* to = tissue_.youngs_modulus_pa.data() + grid.nx * (k + grid.nz * j);
         for (std::size_t n = 0; n < grid.nx; ++n)
           to[n] = row[n] * (kAir + (1 - kAir) * along_[n] * across_[middle]);
@@ -326,6 +325,7 @@ class ProbedSolid : public ProbedTissue {
   }
 
   ProbeFace face_;
+  std::size_t nodes_across_;
   SolidTissue tissue_;
   std::vector<double> along_, across_;  // of elements: the share that lies within the tissue
   SurfacePatch patch_;
@@ -336,8 +336,8 @@ class ProbedSolid : public ProbedTissue {
 
 }  // namespace
 
-std::unique_ptr<ProbedTissue> make_probed_solid(const Queue& queue, const ProbeFace& face) {
-  return std::make_unique<ProbedSolid>(queue, face, cells_under(face));
+std::unique_ptr<ProbedTissue> make_probed_solid(const Queue& queue, const ProbeFace& face, double cell_m) {
+  return std::make_unique<ProbedSolid>(queue, face, cell_m);
 }
 
 }  // namespace teletact::service

@@ -13,6 +13,7 @@
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/probe_fit.h"
 #include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/modulus/robust_fit.h"
 #include "service/imaging/modulus/seed.h"
 #include "service/imaging/modulus/sparse_factor.h"
 #include "service/imaging/modulus/total_variation.h"
@@ -105,14 +106,12 @@ class SolidModulusMethod : public ModulusMethod {
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
     const auto affords = [&](FitEffort effort) {
-      return in.budget.solves >= ProbeFitter::max_solves(in, elevation_m, effort) + kMaxSteps + kForceSolves;
+      return in.budget.solves >= ProbeFitter::max_solves(effort) + kMaxSteps + kForceSolves;
     };
-    const FitEffort effort = affords(FitEffort::kDoubted)  ? FitEffort::kDoubted
-                             : affords(FitEffort::kFitted) ? FitEffort::kFitted
-                                                           : FitEffort::kUsual;
+    const FitEffort effort = affords(FitEffort::kWeighed) ? FitEffort::kWeighed : FitEffort::kUsual;
     // By what the fit may solve, not by what it did: that depends on what is kept of the pair before.
-    const int steps = std::clamp(
-        in.budget.solves - ProbeFitter::max_solves(in, elevation_m, effort) - kForceSolves, 1, kMaxSteps);
+    const int steps =
+        std::clamp(in.budget.solves - ProbeFitter::max_solves(effort) - kForceSolves, 1, kMaxSteps);
     const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1, effort);
     out.solves = fit.solves;
     out.lateral_ratio = fit.lateral_ratio;
@@ -126,7 +125,7 @@ class SolidModulusMethod : public ModulusMethod {
                "the probe's elevation or the tissue's depth was not stated, and there was no time to fit it "
                "({}): it is taken as usual; state it, or give more time",
                in.budget.why_solves);
-    if (fit.undoubted)
+    if (fit.unweighed)
       out.warn(
           ModulusFlag::kDeadline,
           "{:.0f} % of the strain is unexplained, and there was no time ({}) to try another depth, tissue "
@@ -184,10 +183,11 @@ class SolidModulusMethod : public ModulusMethod {
           residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
       if (!(observed.maxCoeff() > 0))
         throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
-      const StrainFit at = fit_strain(theta + residual, observed, fit.by_tilt);
+      const RobustFit at = fit_robustly(theta + residual, observed, {{-fit.by_tilt, 0, kUsualTilt, false}},
+                                        cells.spacing_m * cells.row_m / kAlikeM2);
       const double before = tilt;
-      tilt = std::clamp(tilt + at.tilt, -kMaxTilt, kMaxTilt);
-      tilt_deviation = at.tilt_deviation * std::sqrt(kAlikeM2 / (cells.spacing_m * cells.row_m));
+      tilt = std::clamp(tilt + at.at[0], -kMaxTilt, kMaxTilt);
+      tilt_deviation = std::sqrt(at.covariance(0, 0));
       residual += (tilt - before) * fit.by_tilt;
       const double level = level_of(residual, observed);
       const VectorXd pseudo =  // log E + 1.4 (log S eps[E] - log eps), T3.6
@@ -242,6 +242,7 @@ class SolidModulusMethod : public ModulusMethod {
       if (!(observed[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kUnobservedLog);
     }
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
+    theta += fit.shift;
     return found;
   }
 

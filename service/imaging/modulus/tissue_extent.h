@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 
 namespace teletact::service {
 
@@ -29,6 +30,11 @@ struct TissueExtent {
   // depth_m is known. What is not known is fitted.
   double probe_elevation_m = 0;
   bool depth_stated = true;
+  // Standard deviations of what is stated; 0: as usual.
+  double probe_elevation_std_m = 0, depth_std_m = 0;
+  // How far tissue goes on beside the face on both sides, and its deviation; absent: not known.
+  std::optional<double> beside_m = {};
+  double beside_std_m = 0;
 };
 
 // Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and

@@ -1,0 +1,32 @@
+// A field of cells by a few columns: what most cells agree on, lumps left out.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace teletact::service {
+
+struct FitColumn {
+  Eigen::VectorXd by;    // of the field, per unit
+  double usual = 0;      // what is known of its number beforehand,
+  double deviation = 1;  // and how well
+  // Whether that may be wrong: what is many deviations away then counts little more (Cauchy).
+  bool doubted = false;
+};
+
+struct RobustFit {
+  double level = 0;
+  Eigen::VectorXd at;          // of each column
+  Eigen::MatrixXd covariance;  // of those
+  Eigen::VectorXd left;        // of the field, 0 where nothing was told
+  double rest = 0;             // its typical size
+  // - ln of the evidence (Laplace), but for what fits of one field at one scale share.
+  double misfit = 0;
+};
+
+// Where `told` is above 0, by Cauchy's weights. `places`: of a cell, by what is independent in it. `scale`:
+// what a cell is off by where the columns explain it; 0: what is found to be left.
+RobustFit fit_robustly(const Eigen::VectorXd& field, const Eigen::VectorXd& told,
+                       const std::vector<FitColumn>& columns, double places, double scale = 0);
+
+}  // namespace teletact::service
