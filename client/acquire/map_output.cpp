@@ -161,6 +161,10 @@ std::vector<std::pair<std::string, NetcdfAttribute>> netcdf_attributes(const v1:
       {"stages_s", seconds}};
   if (summary.has_youngs_modulus_correlation_m())
     out.emplace_back("youngs_modulus_correlation_m", summary.youngs_modulus_correlation_m());
+  if (summary.has_youngs_modulus_log_std()) {
+    out.emplace_back("youngs_modulus_log_std", summary.youngs_modulus_log_std());
+    out.emplace_back("youngs_modulus_common_log_std", summary.youngs_modulus_common_log_std());
+  }
   return out;
 }
 
@@ -190,6 +194,15 @@ std::string asked_for(const std::map<std::string, Value>& names, Value asked) {
   return "the service's choice";
 }
 
+// What is stated, by its names in the contract, where it is not there yet.
+void add_numbers(const google::protobuf::Message& message, nlohmann::json& to) {
+  std::vector<const google::protobuf::FieldDescriptor*> stated;
+  message.GetReflection()->ListFields(message, &stated);
+  for (const auto* field : stated)
+    if (field->cpp_type() == field->CPPTYPE_DOUBLE && !to.contains(field->name()))
+      to[field->name()] = message.GetReflection()->GetDouble(message, field);
+}
+
 nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOutcome& outcome) {
   const v1::EstimateSummary& summary = outcome.summary;
   nlohmann::json stages = nlohmann::json::object();
@@ -199,6 +212,8 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
        {{"absolute", summary.modulus_absolute()},
         {"background", summary.background_modulus_pa()},
         {"correlation_m", summary.youngs_modulus_correlation_m()},
+        {"log_std", summary.youngs_modulus_log_std()},
+        {"common_log_std", summary.youngs_modulus_common_log_std()},
         {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"},
         {"method", name_of(summary.modulus_method())},
         {"asked_for", asked_for(modulus_methods(), acquisition.modulus_method())},
@@ -233,9 +248,9 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
                     {"width_assumed", tissue.width_assumed},
                     {"depth_m", stated(tissue.depth_m)},
                     {"depth_assumed", tissue.depth_assumed}};
+  add_numbers(acquisition, json["acquisition"]);
   if (acquisition.has_probe_force())
-    json["acquisition"]["probe_force"] = {{"force_n", acquisition.probe_force().force_n()},
-                                          {"contact_area_m2", acquisition.probe_force().contact_area_m2()}};
+    add_numbers(acquisition.probe_force(), json["acquisition"]["probe_force"]);
   if (!outcome.maps.empty()) {
     const v1::Grid& grid = outcome.maps.front().grid();
     json["grid"] = {{"size", std::vector<std::uint32_t>(grid.size().begin(), grid.size().end())},

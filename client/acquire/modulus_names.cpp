@@ -1,5 +1,7 @@
 #include "client/acquire/modulus_names.h"
 
+#include <fmt/format.h>
+
 namespace teletact::client {
 
 namespace v1 = ::teletact::v1;
@@ -24,6 +26,12 @@ std::string name_of(v1::ModulusMethod method) {
   for (const auto& [name, value] : modulus_methods())
     if (value == method) return name;
   return "unknown";
+}
+
+std::string background_of(const v1::EstimateSummary& summary) {
+  const std::string kpa = fmt::format("{:.2f} kPa", 1e-3 * summary.background_modulus_pa());
+  if (!summary.has_youngs_modulus_log_std()) return kpa;
+  return kpa + fmt::format(" +- {:.0f} %", 100 * summary.youngs_modulus_log_std());
 }
 
 }  // namespace teletact::client

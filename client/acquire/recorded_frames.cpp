@@ -105,6 +105,7 @@ v1::Acquisition acquisition_of(const RecordedFrame& pre, const RecordedFrameOpti
     acquisition.mutable_probe_force()->set_force_n(*options.force_n);
     acquisition.mutable_probe_force()->set_contact_area_m2(options.contact_area_m2.value());
   }
+  acquisition.MergeFrom(options.stated);
   return acquisition;
 }
 

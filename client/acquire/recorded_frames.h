@@ -38,7 +38,8 @@ struct RecordedFrameOptions {
   double modulus_time_limit_s = 60;  // nobody waits with a finger: until it has settled
   // Unspecified: a solid, or plane strain where a method of planes is given.
   teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;
-  double probe_elevation_m = 0;  // of a solid; 0: by the contact area, or fitted
+  double probe_elevation_m = 0;           // of a solid; 0: by the contact area, or fitted
+  teletact::v1::Acquisition stated = {};  // what else is, of uncertainties; the rest is not set
 };
 
 // Reads both frames. Throws FrameInputError, and FileError for files that cannot be read.

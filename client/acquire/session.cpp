@@ -217,6 +217,7 @@ EstimateOutcome AcquireSession::estimate(const FramePair& pair, std::size_t wind
     *acquisition.mutable_publish()->mutable_window() = pose_of(window);
     acquisition.set_plane(options_.plane);
   }
+  acquisition.MergeFrom(options_.stated);
   if (options_.all_maps) acquisition.clear_maps();
   EstimateCallbacks callbacks;
   callbacks.request = [this](const v1::EstimateRequest& request) {

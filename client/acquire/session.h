@@ -54,6 +54,7 @@ struct AcquireOptions {
       teletact::v1::MODULUS_METHOD_UNSPECIFIED;                                    // the service's choice
   teletact::v1::PlaneCondition plane = teletact::v1::PLANE_CONDITION_UNSPECIFIED;  // plane strain
   double modulus_time_limit_s = 0;                                                 // 0: the service's
+  teletact::v1::Acquisition stated = {};  // takes the place of what the source states
   // The source's windows are then these slices, the scene is made with the first, and `plane` is SOLID.
   // Without a duration or a finger to wait for all of them are acquired once.
   std::optional<SliceOptions> slices;

@@ -1,13 +1,25 @@
 #include "client/acquire/simulated_pair.h"
 
+#include <cmath>
 #include <cstdint>
 
 #include "client/patient/rf.h"
 
 namespace teletact::client {
+
+v1::ProbeForce sensed(const Probe& probe, const ProbeState& state, std::uint64_t seed) {
+  v1::ProbeForce out;
+  out.set_force_n(sensed_force(probe, state.force_n, seed));
+  out.set_contact_area_m2(state.contact_area_m2);
+  out.set_force_std_n(std::hypot(probe.force_noise_relative * out.force_n(), probe.force_noise_n));
+  out.set_force_zero_std_n(probe.force_zero_std_n);
+  out.set_force_gain_std(probe.force_gain_std);
+  return out;
+}
+
 namespace {
 
-v1::Acquisition acquisition_of(const RfBase& base, const ProbeState& state, double sensed_force_n) {
+v1::Acquisition acquisition_of(const RfBase& base, const v1::ProbeForce& force) {
   v1::Acquisition out;
   out.set_sample_count(static_cast<std::uint32_t>(base.geometry.sample_count));
   out.set_line_count(static_cast<std::uint32_t>(base.geometry.line_count));
@@ -17,8 +29,7 @@ v1::Acquisition acquisition_of(const RfBase& base, const ProbeState& state, doub
   out.set_sound_speed_m_s(base.ultrasound.sound_speed_m_s);
   out.set_line_pitch_m(base.geometry.line_pitch_m);
   out.set_displacement_frame(v1::DISPLACEMENT_FRAME_PROBE);  // the scanner sits on the probe
-  out.mutable_probe_force()->set_force_n(sensed_force_n);
-  out.mutable_probe_force()->set_contact_area_m2(state.contact_area_m2);
+  *out.mutable_probe_force() = force;
   out.add_maps("valid");  // the maps stay with the service; only the summary is needed here
   return out;
 }
@@ -40,8 +51,8 @@ std::vector<FramePair> simulated_pairs(const Tissue& tissue, const ProbeState& s
   for (std::size_t pass = 0; pass < passes; ++pass) {
     const std::uint64_t seed = mixed(mixed(mixed(tissue.seed) + window) + pass);
     const RfPair frames = with_noise(base, seed);
-    out.push_back({acquisition_of(base, state, sensed_force(tissue.probe, state.force_n, mixed(seed))),
-                   bytes_of(frames.pre), bytes_of(frames.post)});
+    out.push_back({acquisition_of(base, sensed(tissue.probe, state, mixed(seed))), bytes_of(frames.pre),
+                   bytes_of(frames.post)});
   }
   return out;
 }

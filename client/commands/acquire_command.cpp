@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 
+#include "client/acquire/modulus_names.h"
 #include "client/acquire/session.h"
 #include "client/acquire/simulated_source.h"
 #include "client/acquire/solid_source.h"
@@ -125,9 +126,9 @@ AcquireObserver observe(const AcquireArguments& arguments, AcquireRecorder& reco
     double service_s = summary.received_to_published_s();
     if (arguments.slices)  // published by a call of its own
       for (const v1::StageTime& stage : summary.stages()) service_s += stage.seconds();
-    std::printf("%s  pass %u  asked to published %.0f ms, service %.0f ms, background %.2f kPa\n",
-                place.c_str(), timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6,
-                service_s * 1e3, summary.background_modulus_pa() * 1e-3);
+    std::printf("%s  pass %u  asked to published %.0f ms, service %.0f ms, background %s\n", place.c_str(),
+                timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6, service_s * 1e3,
+                background_of(summary).c_str());
     say_doubts(summary);
   };
   const auto say_slice = [&arguments](std::size_t slice, const char* words, std::uint64_t version) {
@@ -311,6 +312,7 @@ void add_estimate_options(CLI::App& command, AcquireOptions& acquire, CLI::Optio
   command.get_option("--modulus-method")->excludes(slices);
   add_plane_option(command, acquire.plane, "strain");
   command.get_option("--plane")->excludes(slices);
+  add_uncertainty_options(command, acquire.stated);
 }
 
 void add_window_options(CLI::App& command, AcquireArguments& arguments, CLI::Option* slices) {

@@ -80,7 +80,7 @@ void print(const v1::Acquisition& acquisition, const v1::EstimateSummary& summar
       acquisition.sample_count(), acquisition.line_count(), summary.quality(), summary.median_correlation(),
       100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
   if (summary.modulus_absolute())
-    std::printf("background %.2f kPa%s\n", summary.background_modulus_pa() * 1e-3,
+    std::printf("background %s%s\n", background_of(summary).c_str(),
                 tissue_extent(acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
     std::printf("modulus relative to its median (no force given)\n");
@@ -250,11 +250,13 @@ void add_usual_options(CLI::App& command, RecordedSetOptions& set) {
   area->needs(force);
   command
       .add_option("--tissue-depth-m", frames.tissue_depth_m,
-                  "of the fixed far side (default: the frame's depth)")
+                  "of the fixed far side (default: of a plane the frame's depth, of a solid fitted)")
       ->check(above_zero());
   command
-      .add_option("--tissue-width-m", frames.tissue_width_m,
-                  "of the tissue that the probe stands on the middle of (default: the frame's width)")
+      .add_option(
+          "--tissue-width-m", frames.tissue_width_m,
+          "of the tissue that the probe stands on the middle of (default: of a plane the frame's width, of "
+          "a solid as the strain tells)")
       ->check(above_zero());
 }
 
@@ -298,6 +300,7 @@ void add_method_options(CLI::App& command, RecordedFrameOptions& frames) {
                   "of solid tissue: length of the probe's face across the image plane (default: by the "
                   "contact area, or fitted)")
       ->check(above_zero());
+  add_uncertainty_options(command, frames.stated);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "client/commands/modulus_options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
@@ -24,7 +25,49 @@ CLI::Option* add_named(CLI::App& command, const std::string& flag, Value& value,
       ->transform(CLI::IsMember(allowed, CLI::ignore_case));
 }
 
+// Of ProbeForce and Acquisition; the option's name is the field's.
+struct Uncertain {
+  std::string field;
+  bool of_force;
+  const char* help;
+};
+const std::vector<Uncertain>& uncertain() {
+  static const std::vector<Uncertain> all{
+      {"force_std_n", true, "standard deviation of the force: the sensor's noise (default: 3 % of it)"},
+      {"force_zero_n", true, "what the sensor shows without a load, change from pre to post (default: 0)"},
+      {"force_zero_std_n", true, "by how much its zero drifts (default: within --force-std-n)"},
+      {"force_gain", true, "what the sensor shows of each newton (default: 1)"},
+      {"force_gain_std", true, "of its gain (default: within --force-std-n)"},
+      {"contact_area_std_m2", true, "of the contact area (default: 5 % of it)"},
+      {"probe_elevation_std_m", false,
+       "of the face's length across the image plane (default: the service's)"},
+      {"tissue_depth_std_m", false, "of the tissue's depth (default: of a solid the service's, else none)"},
+      {"tissue_width_std_m", false, "of the tissue's width (default: of a solid the service's, else none)"},
+      {"poisson_ratio_std", false, "of the Poisson ratio, at most 0.1 (default: 0.01)"},
+      {"sound_speed_std_m_s", false, "of the speed of sound (default: 1.5 % of it)"},
+      {"preload_m", false, "by how much the probe was pressed in before the pre frame (default: 0)"},
+      {"preload_std_m", false, "of --preload-m (default: 0)"}};
+  return all;
+}
+
 }  // namespace
+
+void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
+  command.option_defaults()->group("How uncertain that is");
+  const bool relative = command.get_option_no_throw("--force-n") != nullptr;
+  for (const Uncertain& u : uncertain()) {
+    std::string flag = "--" + u.field;
+    std::ranges::replace(flag, '_', '-');
+    const auto set = [&stated, &u](double value) {
+      google::protobuf::Message* message =
+          u.of_force ? static_cast<google::protobuf::Message*>(stated.mutable_probe_force()) : &stated;
+      message->GetReflection()->SetDouble(message, message->GetDescriptor()->FindFieldByName(u.field), value);
+    };
+    CLI::Option* option = command.add_option_function<double>(flag, set, u.help);
+    if (u.field != "force_zero_n") option->check(above_zero());
+    if (u.of_force && relative) option->needs("--force-n");
+  }
+}
 
 void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::string& usual) {
   add_named(

@@ -58,6 +58,8 @@ void validate_probe(const Tissue& t) {
   in_range("probe.force_noise_n", p.force_noise_n, 0, 10);
   in_range("probe.force_gain_error", p.force_gain_error, -.5, .5);
   in_range("probe.force_zero_n", p.force_zero_n, -10, 10);
+  in_range("probe.force_gain_std", p.force_gain_std, 0, .5);
+  in_range("probe.force_zero_std_n", p.force_zero_std_n, 0, 10);
 }
 
 void validate_ultrasound(const Tissue& t) {

@@ -34,10 +34,11 @@ struct Probe {
   std::size_t lines = 256;
   double elevation_m = 0.010;     // out-of-plane length of its face: contact area = width x elevation
   double compression_m = 0.0004;  // pressed between pre and post frame; in a file also as compression_strain
-  double force_noise_relative = 0.01;  // standard deviation of the sensor: of the force ...
-  double force_noise_n = 0.002;        // ... and in N; independent, added
-  double force_gain_error = 0;         // the sensor shows 1 + it times the force
-  double force_zero_n = 0;             // by how much its zero drifts between the two frames
+  double force_noise_relative = 0.01;               // standard deviation of the sensor: of the force ...
+  double force_noise_n = 0.002;                     // ... and in N; independent, added
+  double force_gain_error = 0;                      // the sensor shows 1 + it times the force
+  double force_zero_n = 0;                          // by how much its zero drifts between the two frames
+  double force_gain_std = 0, force_zero_std_n = 0;  // what the sensor states of both, standard deviations
   double line_pitch_m() const { return width_m / static_cast<double>(lines); }
   double contact_area_m2() const { return width_m * elevation_m; }
   bool operator==(const Probe&) const = default;
@@ -125,7 +126,8 @@ void validate(const Tissue& tissue);
 //   seed; [tissue] width_m, depth_m, youngs_modulus_pa, poisson_ratio, thickness_m;
 //   [[inclusion]] position_m = [x, y] or [x, y, z], diameter_m, contrast, shape = "cylinder" or "sphere";
 //   [probe] width_m, lines, elevation_m, compression_m or compression_strain (of depth_m),
-//           force_noise_relative, force_noise_n, force_gain_error, force_zero_n;
+//           force_noise_relative, force_noise_n, force_gain_error, force_zero_n, force_gain_std,
+//           force_zero_std_n;
 //   [ultrasound] center_frequency_hz, bandwidth, sampling_frequency_hz, sound_speed_m_s, f_number, snr_db,
 //                correlation, depth_m, elevation_beam_m, focus_m, beam_growth, attenuation_db_cm_mhz;
 //   [solid] (makes the tissue a solid) elevational_width_m, support = "bonded", "sliding" or "bed",

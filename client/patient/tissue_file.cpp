@@ -109,7 +109,7 @@ Inclusion read_inclusion(const toml::node& node, std::size_t index) {
 
 void read_probe(const Section& s, double depth_m, Probe& probe) {
   s.only({"width_m", "lines", "elevation_m", "compression_m", "compression_strain", "force_noise_relative",
-          "force_noise_n", "force_gain_error", "force_zero_n"});
+          "force_noise_n", "force_gain_error", "force_zero_n", "force_gain_std", "force_zero_std_n"});
   if (s.has("compression_m") && s.has("compression_strain"))
     throw TissueError("probe.compression_strain: give it or compression_m, not both");
   s.read("width_m", probe.width_m);
@@ -124,6 +124,8 @@ void read_probe(const Section& s, double depth_m, Probe& probe) {
   s.read("force_noise_n", probe.force_noise_n);
   s.read("force_gain_error", probe.force_gain_error);
   s.read("force_zero_n", probe.force_zero_n);
+  s.read("force_gain_std", probe.force_gain_std);
+  s.read("force_zero_std_n", probe.force_zero_std_n);
 }
 
 void read_ultrasound(const Section& s, Ultrasound& u) {
@@ -247,6 +249,8 @@ void write_tissue(const std::filesystem::path& path, const Tissue& t) {
   key("force_noise_n", t.probe.force_noise_n);
   key("force_gain_error", t.probe.force_gain_error);
   key("force_zero_n", t.probe.force_zero_n);
+  key("force_gain_std", t.probe.force_gain_std);
+  key("force_zero_std_n", t.probe.force_zero_std_n);
   section("[ultrasound]");
   key("center_frequency_hz", t.ultrasound.center_frequency_hz);
   key("bandwidth", t.ultrasound.bandwidth);

@@ -62,6 +62,7 @@ void draw_machine(Drawn& d, Tissue& t) {
   t.ultrasound.attenuation_db_cm_mhz = d.between(.3, .7);
   t.probe.force_gain_error = d.gaussian(kGainDeviation);
   t.probe.force_zero_n = d.gaussian(kZeroDeviationN);
+  t.probe.force_gain_std = kGainDeviation, t.probe.force_zero_std_n = kZeroDeviationN;
 }
 
 }  // namespace

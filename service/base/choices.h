@@ -125,9 +125,11 @@ inline constexpr double kMaxDrift = 0.02, kSliceReach = 0.005;
 // Standard deviation of ln E of such tissue: two of it are a factor of three, which few lumps are beyond.
 inline constexpr double kUnseenDeviation = 0.55;
 
-// Of an acquisition that does not state them: standard deviations of the force sensor and of the contact
-// area, over their values; the largest strain that is looked for; the Poisson ratio.
-inline constexpr double kForceDeviation = 0.03, kAreaDeviation = 0.05;
+// Of an acquisition that does not state them: standard deviations of the force sensor, of the contact area
+// and of the speed of sound, over their values, and of the Poisson ratio; the largest strain that is looked
+// for; the Poisson ratio.
+inline constexpr double kForceDeviation = 0.03, kAreaDeviation = 0.05, kSoundSpeedDeviation = 0.015;
+inline constexpr double kPoissonDeviation = 0.01;
 inline constexpr double kMaxStrain = 0.05, kPoissonRatio = 0.49;
 // A window is refused when less than this share of its cells was measured.
 inline constexpr double kMinMeasuredShare = 0.2;

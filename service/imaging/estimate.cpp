@@ -218,7 +218,8 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
                            .tissue = in.tissue,
                            .force = in.force,
                            .known = in.known,
-                           .beside = in.beside};
+                           .beside = in.beside,
+                           .sound_speed_deviation = in.sound_speed_deviation};
   e.modulus = find_modulus(input, in.modulus);  // T3.1 to T3.3, T3.6, T3.8
   judge(input, *strips_, e.modulus);            // T3.4
   mark_valid(e);

@@ -46,6 +46,7 @@ struct EstimateInput {
   ModulusChoice modulus = {};
   std::vector<SliceBeside> beside = {};  // ModulusInput::beside
   bool b_mode = false;                   // Estimate::b_mode is wanted
+  double sound_speed_deviation = 0;      // of its logarithm
 };
 
 // The measured pair and its modulus, filled stage by stage. A number of a node with valid = 0 is

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 
 #include "service/base/choices.h"
 
@@ -20,22 +21,6 @@ EstimateSize EstimateRequest::size() const {
           solid ? ModulusKind::kSolid : modulus.kind.value_or(ModulusKind::kIterative),
           modulus_time_limit_s.value_or(max_modulus_s),
           scene != nullptr};
-}
-
-namespace {
-
-double relative_deviation(double stated, double value, double usual) {
-  return stated == 0 ? usual : stated / value;
-}
-
-}  // namespace
-
-double EstimateRequest::force_relative_deviation() const {
-  return relative_deviation(force_std_n, force->force_n, choices::kForceDeviation);
-}
-
-double EstimateRequest::area_relative_deviation() const {
-  return relative_deviation(contact_area_std_m2, force->contact_area_m2, choices::kAreaDeviation);
 }
 
 namespace {
@@ -65,26 +50,55 @@ void check_frames(const EstimateRequest& r, const Limits& limits) {
                   "no probe is wider; give the distance of two A-lines in metres");
 }
 
-void check_deviation(const char* field, double stated, double value, double usual) {
-  if (stated >= 0 && stated < value) return;
-  throw std::invalid_argument(fmt::format(
-      "acquisition.probe_force.{}: {} is not within [0, {}), the value that it belongs to; give its "
-      "standard deviation, or leave it out for {:.0f} %",
-      field, stated, value, 100 * usual));
+// A standard deviation within the value that it belongs to.
+void check_deviation(const std::string& field, double stated, double value, const char* otherwise) {
+  if (stated >= 0 && (stated == 0 || stated < value)) return;
+  if (value == 0)
+    throw std::invalid_argument(fmt::format(
+        "acquisition.{}: {}, but what it belongs to is not stated; state that too, or leave it out", field,
+        stated));
+  throw std::invalid_argument(
+      fmt::format("acquisition.{}: {} is not within [0, {}), the value that it belongs to; give its "
+                  "standard deviation, or leave it out for {}",
+                  field, stated, value, otherwise));
 }
 
-void check_force(const EstimateRequest& r, const Limits& limits) {
-  require_between("acquisition.probe_force.force_n", r.force->force_n, limits.min_probe_force_n,
+double relative(double stated, double value, double usual = 0) {
+  return stated == 0 ? usual : stated / value;
+}
+
+// What the sensor showed becomes the force, and what is uncertain of both its own and its shared deviation.
+void settle_force(EstimateRequest& r, const Limits& limits) {
+  const std::string field = "probe_force.";
+  ProbeForce& force = *r.force;
+  require_between("acquisition.probe_force.force_n", force.force_n, limits.min_probe_force_n,
                   limits.max_probe_force_n, "give the sensor's change from pre to post, > 0 in compression");
   // Of 0.1 mm to 0.5 m across the image plane: cm^2 or mm^2 given for m^2 lie outside.
-  require_between("acquisition.probe_force.contact_area_m2", r.force->contact_area_m2,
+  require_between("acquisition.probe_force.contact_area_m2", force.contact_area_m2,
                   limits.min_probe_elevation_m * r.window_width_m(),
                   limits.max_probe_elevation_m * r.window_width_m(),
                   "give the area of the probe's face that touches, the window's width times the face's "
                   "elevation, in m^2 (1 cm^2 is 1e-4)");
-  check_deviation("force_std_n", r.force_std_n, r.force->force_n, choices::kForceDeviation);
-  check_deviation("contact_area_std_m2", r.contact_area_std_m2, r.force->contact_area_m2,
-                  choices::kAreaDeviation);
+  if (r.force_gain == 0) r.force_gain = 1;
+  require_between("acquisition.probe_force.force_gain", r.force_gain, 0.1, 10.0,
+                  "give what the sensor shows of each newton, or leave it out for 1");
+  if (!(std::abs(r.force_zero_n) < force.force_n))
+    throw std::invalid_argument(fmt::format(
+        "acquisition.{}force_zero_n: {} leaves nothing of the {} N that the sensor showed; give what it "
+        "shows without a load, or press further",
+        field, r.force_zero_n, force.force_n));
+  const double shown_n = force.force_n - r.force_zero_n;
+  check_deviation(field + "force_std_n", r.force_std_n, shown_n, "3 % of it");
+  check_deviation(field + "force_zero_std_n", r.force_zero_std_n, shown_n, "none of its own");
+  check_deviation(field + "force_gain_std", r.force_gain_std, r.force_gain, "none of its own");
+  check_deviation(field + "contact_area_std_m2", r.contact_area_std_m2, force.contact_area_m2, "5 % of it");
+  const double gain = relative(r.force_gain_std, r.force_gain);
+  r.area_relative_deviation = relative(r.contact_area_std_m2, force.contact_area_m2, choices::kAreaDeviation);
+  force.force_n = shown_n / r.force_gain;
+  force.own_deviation = std::hypot(relative(r.force_std_n, shown_n, choices::kForceDeviation),
+                                   relative(r.force_zero_std_n, shown_n));
+  force.shared_deviation = std::hypot(gain, r.area_relative_deviation);
+  r.force_relative_deviation = std::hypot(force.own_deviation, gain);
 }
 
 // How the estimate is to be made.
@@ -96,7 +110,7 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
         "leave "
         "it out");
   if (solid) r.modulus.kind = ModulusKind::kSolid;
-  if (!solid && r.tissue.probe_elevation_m != 0)
+  if (!solid && (r.tissue.probe_elevation_m != 0 || r.tissue.probe_elevation_std_m != 0))
     throw std::invalid_argument(
         "acquisition.probe_elevation_m: of solid tissue alone; give plane = SOLID without another "
         "modulus_method, or leave it out");
@@ -116,6 +130,8 @@ void settle_way(EstimateRequest& r, const Limits& limits) {
     require_between("acquisition.probe_elevation_m", r.tissue.probe_elevation_m, limits.min_probe_elevation_m,
                     limits.max_probe_elevation_m,
                     "give the length of the probe's face across the image plane, in m");
+  check_deviation("probe_elevation_std_m", r.tissue.probe_elevation_std_m, r.tissue.probe_elevation_m,
+                  "the service's own");
   if (r.modulus_time_limit_s)
     require_between("acquisition.modulus_time_limit_s", *r.modulus_time_limit_s, limits.min_modulus_time_s,
                     limits.max_modulus_time_s, "leave it out for what the force needs and the time leaves");
@@ -151,6 +167,29 @@ void check_agrees(const char* field, double stated, double scenes, const Scene& 
                   field, stated, scene.id(), scenes));
 }
 
+// Of a plane tissue that is not stated is taken for as wide as the frame, and as deep.
+void settle_deviations(EstimateRequest& r, bool with_scene) {
+  constexpr double kMaxPoissonDeviation = 0.1;  // a usual tissue's whole range
+  TissueExtent& tissue = r.tissue;
+  check_deviation("tissue_depth_std_m", tissue.depth_std_m, tissue.depth_stated ? tissue.depth_m : 0, "none");
+  check_deviation("tissue_width_std_m", r.tissue_width_std_m,
+                  tissue.beside_m || with_scene ? tissue.width_m : 0, "none");
+  tissue.beside_std_m = r.tissue_width_std_m / 2;
+  if (tissue.poisson_std == 0) tissue.poisson_std = choices::kPoissonDeviation;
+  require_between("acquisition.poisson_ratio_std", tissue.poisson_std, 0.0, kMaxPoissonDeviation,
+                  "leave it out for 0.01");
+  check_deviation("sound_speed_std_m_s", r.sound_speed_std_m_s, r.geometry.sound_speed_m_s, "1.5 % of it");
+  r.sound_speed_deviation =
+      relative(r.sound_speed_std_m_s, r.geometry.sound_speed_m_s, choices::kSoundSpeedDeviation);
+  require_between(
+      "acquisition.preload_m", r.preload_m, 0.0, tissue.depth_m / 2,
+      "give by how much the probe was pressed in when the pre frame was taken, in metres, or leave it out");
+  check_deviation("preload_std_m", r.preload_std_m, tissue.depth_m / 2, "none");
+  if (r.force)  // T3.10
+    r.force->shared_deviation =
+        std::hypot(r.force->shared_deviation, std::hypot(r.preload_m, r.preload_std_m) / tissue.depth_m);
+}
+
 void settle_tissue(EstimateRequest& r, const Limits& limits) {
   TissueExtent& tissue = r.tissue;
   const TissueExtent stated = tissue;
@@ -181,14 +220,16 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
     require_between("acquisition.tissue_width_m", tissue.width_m, width_m, limits.max_tissue_width_m,
                     "the tissue is at least as wide as the window");
     tissue.window_x_m = (tissue.width_m - width_m) / 2;
+    if (stated.width_m != 0) tissue.beside_m = tissue.window_x_m;
   }
+  settle_deviations(r, scene);
 }
 
 }  // namespace
 
 void settle(EstimateRequest& request, const Limits& limits) {
   check_frames(request, limits);
-  if (request.force) check_force(request, limits);
+  if (request.force) settle_force(request, limits);
   settle_way(request, limits);
   if (request.scene) check_publication(request);
   settle_tissue(request, limits);
@@ -213,8 +254,9 @@ WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,
   WindowEvidence& evidence = window.evidence;
   evidence.warnings = warnings_of(e);
   evidence.correlation_m = e.modulus.correlation_m;
-  evidence.force_relative_deviation = request.force_relative_deviation();
-  evidence.area_relative_deviation = request.area_relative_deviation();
+  evidence.force_relative_deviation = request.force_relative_deviation;
+  evidence.area_relative_deviation = request.area_relative_deviation;
+  evidence.common_deviation = e.modulus.common_deviation;
   evidence.background_modulus_pa = e.modulus.background;
   evidence.quality = e.quality;
   evidence.taken_in = received;

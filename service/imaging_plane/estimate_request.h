@@ -19,7 +19,11 @@ namespace teletact::service {
 struct EstimateRequest : EstimateInput {
   EstimateRequest() { tissue = {0, 0, 0, 0}; }
   std::size_t sample_count = 0, line_count = 0;
+  // Of ProbeForce in the contract; what settle() makes of it is in `force`, and over force and area here.
   double force_std_n = 0, contact_area_std_m2 = 0;
+  double force_zero_n = 0, force_zero_std_n = 0, force_gain = 0, force_gain_std = 0;
+  double force_relative_deviation = 0, area_relative_deviation = 0;
+  double sound_speed_std_m_s = 0, tissue_width_std_m = 0, preload_m = 0, preload_std_m = 0;
   double max_strain = 0;
   std::optional<double> modulus_time_limit_s;  // > 0
   double max_modulus_s = HUGE_VAL;             // that it may take in any case
@@ -37,9 +41,6 @@ struct EstimateRequest : EstimateInput {
   double window_width_m() const { return geometry.line_pitch_m * static_cast<double>(line_count); }
   std::size_t samples() const { return sample_count * line_count; }
   EstimateSize size() const;
-  // Over the force and over the area, with probe_force: as stated, or as usual.
-  double force_relative_deviation() const;
-  double area_relative_deviation() const;
   // Whether its modulus is found as it is planned: by a quicker method where time is short.
   bool planned() const { return !modulus.kind && tissue.plane != Plane::kSolid; }
 };

@@ -175,7 +175,7 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
   EstimateInput in(r);
   if (r.scene) in.known = known_modulus(r.scene->snapshot()->map);
   if (r.slice_of) in.beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
-  if (r.force) in.modulus.need.common = std::hypot(r.force_relative_deviation(), r.area_relative_deviation());
+  if (r.force) in.modulus.need.common = r.force->deviation();
   if (r.scene) in.modulus.need.tolerance = r.scene->finger().tolerance();
   {
     const auto engine = engines_.borrow(terms.client);

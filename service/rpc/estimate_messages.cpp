@@ -94,6 +94,10 @@ EstimateRequest stated_in(const v1::Acquisition& in, const Scenes& scenes) {
     request.force = {in.probe_force().force_n(), in.probe_force().contact_area_m2()};
     request.force_std_n = in.probe_force().force_std_n();
     request.contact_area_std_m2 = in.probe_force().contact_area_std_m2();
+    request.force_zero_n = in.probe_force().force_zero_n();
+    request.force_zero_std_n = in.probe_force().force_zero_std_n();
+    request.force_gain = in.probe_force().force_gain();
+    request.force_gain_std = in.probe_force().force_gain_std();
   }
   const Plane plane =
       in.plane() == v1::PLANE_CONDITION_UNSPECIFIED
@@ -102,6 +106,13 @@ EstimateRequest stated_in(const v1::Acquisition& in, const Scenes& scenes) {
                               "acquisition.plane: unknown; leave it out or use STRAIN, STRESS or SOLID");
   request.tissue = {in.tissue_width_m(),   in.tissue_depth_m(), 0, in.poisson_ratio(), plane,
                     in.probe_elevation_m()};
+  request.tissue.probe_elevation_std_m = in.probe_elevation_std_m();
+  request.tissue.depth_std_m = in.tissue_depth_std_m();
+  request.tissue.poisson_std = in.poisson_ratio_std();
+  request.tissue_width_std_m = in.tissue_width_std_m();
+  request.sound_speed_std_m_s = in.sound_speed_std_m_s();
+  request.preload_m = in.preload_m();
+  request.preload_std_m = in.preload_std_m();
   request.max_strain = in.max_strain();
   request.modulus.kind = modulus_kind_from(in.modulus_method());
   if (in.modulus_time_limit_s() != 0) request.modulus_time_limit_s = in.modulus_time_limit_s();
@@ -227,6 +238,8 @@ void estimate_to(const Estimate& e, v1::EstimateSummary* out) {
   out->set_mean_axial_strain(e.modulus.mean_axial_strain);
   out->set_background_modulus_pa(e.modulus.background);
   out->set_youngs_modulus_correlation_m(e.modulus.correlation_m);
+  out->set_youngs_modulus_log_std(e.modulus.median_deviation);
+  out->set_youngs_modulus_common_log_std(e.modulus.common_deviation);
   out->set_modulus_method(message_of(kMethods, e.modulus.kind));
   out->set_modulus_converged(e.modulus.converged);
   out->set_modulus_model(e.modulus.model.empty() ? e.modulus.why : e.modulus.model);

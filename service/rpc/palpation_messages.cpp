@@ -139,6 +139,7 @@ void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1
   if (in.correlation_m > 0) out->set_youngs_modulus_correlation_m(in.correlation_m);
   out->set_force_relative_std(in.force_relative_deviation);
   out->set_contact_area_relative_std(in.area_relative_deviation);
+  out->set_youngs_modulus_common_log_std(in.common_deviation);
   out->set_background_modulus_pa(in.background_modulus_pa);
   out->set_quality(in.quality);
   out->set_measured_share(in.measured_share);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -86,6 +87,7 @@ json to_json(const WindowEvidence& e) {
           {"correlation_m", number(e.correlation_m)},
           {"force_relative_deviation", number(e.force_relative_deviation)},
           {"area_relative_deviation", number(e.area_relative_deviation)},
+          {"common_deviation", number(e.common_deviation)},
           {"background_modulus_pa", number(e.background_modulus_pa)},
           {"quality", number(e.quality)},
           {"measured_share", number(e.measured_share)}};
@@ -125,6 +127,11 @@ std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
   e->background_modulus_pa = j.at("background_modulus_pa");
   e->quality = j.at("quality");
   e->measured_share = j.at("measured_share");
+  // Deviations of before hold nothing of what all places share.
+  const double of_force = std::hypot(e->force_relative_deviation, e->area_relative_deviation);
+  e->common_deviation = j.value("common_deviation", of_force);
+  if (!j.contains("common_deviation") && e->log_deviation > 0)
+    e->log_deviation = std::hypot(e->log_deviation, of_force);
   return e;
 }
 
@@ -236,6 +243,12 @@ SceneRecord decoded(const std::string& description,
     record.map_modulus_pa = take<float>(rest, cells);
     record.map_states = take<CellState>(rest, cells);
     if (format > kFirstFormat) record.map_log_deviation = take<float>(rest, cells);
+    double common = 0;  // that the cells' deviations of before leave out
+    for (const json& w : scene["windows"])
+      if (w.contains("evidence") && !w["evidence"].contains("common_deviation"))
+        common = std::max(common, evidence_from(w["evidence"])->common_deviation);
+    for (float& deviation : record.map_log_deviation)
+      deviation = static_cast<float>(std::hypot(deviation, common));
     for (std::size_t n = 0; n < record.windows.size(); ++n)
       if (const json& w = scene["windows"][n]; w.contains("b_mode"))
         record.windows[n].b_mode = b_mode_from(w["b_mode"], rest);

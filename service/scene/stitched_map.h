@@ -112,12 +112,13 @@ struct WindowEvidence {
   std::vector<std::string> warnings;
   double log_deviation = 0;  // median standard deviation of log E over the measured cells; 0: not known
   double correlation_m = 0;  // errors of log E at two places correlate by exp(-distance / it); 0: not known
-  double force_relative_deviation = 0;  // of the force sensor, over the force
-  double area_relative_deviation = 0;   // of the contact area
+  // Parts of log_deviation: of the force sensor, over the force; of the contact area.
+  double force_relative_deviation = 0, area_relative_deviation = 0;
   double background_modulus_pa = 0, quality = 0;
   double measured_share = 0;  // of the window's cells; the rest is extended from them
   // When the last byte of its RF came in; the epoch where that is not known (read from disk after a restart).
   std::chrono::steady_clock::time_point taken_in{};
+  double common_deviation = 0;  // part of log_deviation that all of the window's places share
 };
 
 // A window that no other one adjoins: its modulus' scale could not be compared with a neighbour's.

@@ -52,16 +52,15 @@ bool finite(const ContactAnswer& c) {
 // and tissue that nobody gave.
 
 // Standard deviation of ln E of what is felt there: of a solid's slices; of a plane the median over its
-// window (of tissue nobody measured, where it states none) with the force sensor's and the contact area's.
-// Nothing where the modulus was given.
+// window (where it states none that of tissue nobody measured, and what the window's places share). Nothing
+// where the modulus was given.
 std::optional<double> stated_log_deviation(const SceneSnapshot& snapshot, const WindowModel& window,
                                            const Layer& layer, const TouchPose& pose) {
   if (snapshot.modulus)
     return felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer.depth_m, pose.position_m[2]);
   if (!window.evidence) return std::nullopt;  // given
   const WindowEvidence& e = *window.evidence;
-  return std::hypot(e.log_deviation > 0 ? e.log_deviation : choices::kUnseenDeviation,
-                    e.force_relative_deviation, e.area_relative_deviation);
+  return e.log_deviation > 0 ? e.log_deviation : std::hypot(choices::kUnseenDeviation, e.common_deviation);
 }
 
 // The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond it

@@ -155,7 +155,9 @@ TEST(AcquireSession, PublishesAheadOfTheFingerUntilItLeaves) {
     server.palpation.set_finger(true, 0.25, 0.0);  // the finger appears elsewhere and goes left
     server.palpation.set_finger(true, 0.25, -0.12);
   };
-  AcquireSession session(server.address(), {}, frames, session_options(), observer);
+  AcquireOptions options = session_options();
+  options.stated.mutable_probe_force()->set_force_std_n(0.5), options.stated.set_poisson_ratio_std(0.02);
+  AcquireSession session(server.address(), {}, frames, options, observer);
   std::thread operator_side([&] {
     while (published < 5) std::this_thread::yield();
     server.palpation.set_finger(false, 0.25, 0);
@@ -176,6 +178,8 @@ TEST(AcquireSession, PublishesAheadOfTheFingerUntilItLeaves) {
     const int window = static_cast<int>(call.acquisition.publish().window().origin_m(0) / 0.06 + 0.5);
     EXPECT_EQ(call.pre[0], static_cast<char>(window)) << "a window was published with another's frames";
     EXPECT_NEAR(call.acquisition.probe_force().force_n(), 3 + window, 1e-12);
+    EXPECT_EQ(call.acquisition.probe_force().force_std_n(), 0.5);
+    EXPECT_EQ(call.acquisition.poisson_ratio_std(), 0.02);
   }
   for (const auto& t : result.windows) {
     EXPECT_LE(t.asked_ns(), t.acquired_ns());

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -68,6 +70,74 @@ TEST_F(EstimateCommand, ServiceThatAbortsAPairEndsAll) {
   service.estimates.aborted_call.reset();
   EXPECT_EQ(test::failure_of(words(3)), "");
   EXPECT_TRUE(std::filesystem::exists(modulus));
+}
+
+TEST_F(EstimateCommand, UncertaintiesAreSentAndKept) {
+  std::vector<std::string> command = words(1);
+  for (const char* word : {"--force-n",
+                           "0.2",
+                           "--contact-area-m2",
+                           "4e-4",
+                           "--tissue-depth-m",
+                           "0.05",
+                           "--tissue-width-m",
+                           "0.1",
+                           "--probe-elevation-m",
+                           "0.01",
+                           "--force-std-n",
+                           "0.01",
+                           "--force-zero-n",
+                           "-0.02",
+                           "--force-zero-std-n",
+                           "0.03",
+                           "--force-gain",
+                           "1.04",
+                           "--force-gain-std",
+                           "0.05",
+                           "--contact-area-std-m2",
+                           "6e-6",
+                           "--probe-elevation-std-m",
+                           "0.007",
+                           "--tissue-depth-std-m",
+                           "0.008",
+                           "--tissue-width-std-m",
+                           "0.009",
+                           "--poisson-ratio-std",
+                           "0.011",
+                           "--sound-speed-std-m-s",
+                           "12",
+                           "--preload-m",
+                           "0.0013",
+                           "--preload-std-m",
+                           "0.0014"})
+    command.emplace_back(word);
+  ASSERT_EQ(test::failure_of(command), "");
+  const v1::Acquisition& a = service.estimates.acquisition;
+  const v1::ProbeForce& f = a.probe_force();
+  const std::vector<double> sent{f.force_n(),
+                                 f.force_std_n(),
+                                 f.force_zero_n(),
+                                 f.force_zero_std_n(),
+                                 f.force_gain(),
+                                 f.force_gain_std(),
+                                 f.contact_area_std_m2(),
+                                 a.probe_elevation_std_m(),
+                                 a.tissue_depth_std_m(),
+                                 a.tissue_width_std_m(),
+                                 a.poisson_ratio_std(),
+                                 a.sound_speed_std_m_s(),
+                                 a.preload_m(),
+                                 a.preload_std_m()};
+  EXPECT_EQ(sent, (std::vector<double>{0.2, 0.01, -0.02, 0.03, 1.04, 0.05, 6e-6, 0.007, 0.008, 0.009, 0.011,
+                                       12, 0.0013, 0.0014}));
+  const auto json = nlohmann::json::parse(std::ifstream(service.folder / "out" / "estimate.json"));
+  EXPECT_EQ(json.at("acquisition").at("probe_force").at("force_zero_std_n"), 0.03);
+  EXPECT_EQ(json.at("acquisition").at("preload_std_m"), 0.0014);
+  std::vector<std::string> none = words(1), relative = words(1);
+  none.insert(none.end(), {"--poisson-ratio-std", "0"});
+  relative.insert(relative.end(), {"--force-std-n", "0.1"});
+  EXPECT_NE(test::failure_of(none), "") << "on the wire it would be the default";
+  EXPECT_NE(test::failure_of(relative).find("--force-n"), std::string::npos);
 }
 
 }  // namespace

@@ -53,12 +53,13 @@ class TwoByTwoEstimates final : public v1::Elastography::Service {
   double mean_axial_strain = -0.01;  // set before a call
   int calls = 0;                     // so far; one at a time
   std::optional<int> aborted_call;   // which of them, from 1, ends with ABORTED
+  v1::Acquisition acquisition;       // of the latest
 
   grpc::Status Estimate(
       grpc::ServerContext*,
       grpc::ServerReaderWriter<v1::EstimateResponse, v1::EstimateRequest>* stream) override {
-    for (v1::EstimateRequest request; stream->Read(&request);) {
-    }
+    for (v1::EstimateRequest request; stream->Read(&request);)
+      if (request.has_acquisition()) acquisition = request.acquisition();
     if (++calls == aborted_call) return {grpc::StatusCode::ABORTED, "the service ends"};
     for (const char* name : {"youngs_modulus", "youngs_modulus_log_std", "valid"}) {
       v1::EstimateResponse response;

@@ -13,7 +13,7 @@ import xarray as xr
 from conftest import LUMP_X_M, LUMP_Y_M, until
 
 import teletact
-from teletact import channel, scenes
+from teletact import channel, estimates, scenes
 
 
 def test_info_names_device_and_limits(service):
@@ -110,13 +110,28 @@ ACQUISITION = {"center_frequency_hz": 7.3e6, "sampling_frequency_hz": 40e6, "lin
     ({"maps": ["taste"]}, "acquisition.maps"), ({"frame": "sideways"}, "frame"), ({"plane": "flat"}, "plane"),
     ({"force_n": 1.0}, "force_n, contact_area_m2"), ({"publish": "lump"}, "publish, window_x_m"),
     ({"post": rf((1024, 16))}, "post"), ({"pre": rf().astype(np.int64)}, "pre"),
-    ({"pre": np.full((1024, 32), np.nan)}, "pre"),
+    ({"pre": np.full((1024, 32), np.nan)}, "pre"), ({"poisson_ratio_std": 0.0}, "poisson_ratio_std"),
+    ({"force_std_n": 0.1}, "force_std_n"), ({"sound_speed_std_m_s": 2e3}, "acquisition.sound_speed_std_m_s"),
 ])
 def test_estimates_that_cannot_be(service, lump, changes, field):
     arguments = {"pre": rf(), "post": rf(seed=2), **ACQUISITION, **changes}
     with pytest.raises(teletact.InvalidArgument) as caught:
         service.estimate(**arguments)
     assert caught.value.field == field and caught.value.remedy
+
+
+def test_uncertainties_are_sent(service, monkeypatch):
+    of_force = {"force_n": 0.2, "contact_area_m2": 1e-4, "force_std_n": 0.01, "contact_area_std_m2": 2e-6,
+                "force_zero_n": -0.03, "force_zero_std_n": 0.004, "force_gain": 1.05, "force_gain_std": 0.06}
+    stated = {"tissue_width_m": 0.1, "tissue_depth_m": 0.05, "probe_elevation_m": 0.01, "poisson_ratio_std": 0.02,
+              "sound_speed_std_m_s": 30.0, "tissue_depth_std_m": 0.004, "tissue_width_std_m": 0.005,
+              "probe_elevation_std_m": 0.003, "preload_m": 0.001, "preload_std_m": 0.002}
+    sent = []
+    monkeypatch.setattr(estimates, "requests_of", lambda acquisition, *_: sent.append(acquisition) or iter(()))
+    with pytest.raises(teletact.TeletactError):  # nothing but the message is made
+        service.estimate(rf(), rf(), **ACQUISITION, **of_force, **stated)
+    assert {name: getattr(sent[0], name) for name in stated} == stated
+    assert {name: getattr(sent[0].probe_force, name) for name in of_force} == of_force
 
 
 def test_frames_of_other_tissue_are_refused_with_the_reason(service):

@@ -106,17 +106,25 @@ TEST_F(Estimates, AWrongForceIsNamedInTheSummary) {
 
 TEST_F(Estimates, AWindowShowsWhatItWasMadeOf) {
   v1::Acquisition a = acquisition("scene", 0.04);
-  a.mutable_probe_force()->set_force_std_n(0.1);
+  const double force_n = a.probe_force().force_n();
+  a.mutable_probe_force()->set_force_std_n(0.1 * force_n);
+  a.mutable_probe_force()->set_force_zero_std_n(0.2 * force_n);
+  a.mutable_probe_force()->set_force_gain_std(0.3);
   const Outcome outcome = estimate(a, pair().pre, pair().post);
   ASSERT_TRUE(outcome.status.ok()) << outcome.status.error_message();
   const auto now_ns = [] { return std::chrono::steady_clock::now().time_since_epoch().count(); };
   const std::int64_t published_before_ns = now_ns();
   const v1::WindowEvidence e = scene().windows(0).evidence();
-  EXPECT_NEAR(e.force_relative_std(), 0.1 / a.probe_force().force_n(), 1e-12);
+  EXPECT_NEAR(e.force_relative_std(), std::hypot(0.1, 0.2, 0.3), 1e-12);
   EXPECT_NEAR(e.contact_area_relative_std(), 0.05, 1e-12);
+  const double common = e.youngs_modulus_common_log_std();
+  EXPECT_GT(common, std::hypot(e.force_relative_std(), 0.05));
+  EXPECT_LT(common, e.force_relative_std() + 0.05);
+  EXPECT_EQ(common, outcome.summary.youngs_modulus_common_log_std());
   EXPECT_EQ(e.background_modulus_pa(), outcome.summary.background_modulus_pa());
   EXPECT_EQ(e.quality(), outcome.summary.quality());
-  EXPECT_GT(e.youngs_modulus_log_std(), 0.01);
+  EXPECT_GT(e.youngs_modulus_log_std(), common);
+  EXPECT_NEAR(e.youngs_modulus_log_std(), outcome.summary.youngs_modulus_log_std(), 0.02);
   EXPECT_GT(e.youngs_modulus_correlation_m(), 1e-4);
   EXPECT_EQ(e.youngs_modulus_correlation_m(), outcome.summary.youngs_modulus_correlation_m());
   EXPECT_GT(e.measured_share(), 0.5);
@@ -127,6 +135,7 @@ TEST_F(Estimates, AWindowShowsWhatItWasMadeOf) {
   Toucher toucher(channel, "scene");
   v1::TouchAnswer answer;
   ASSERT_TRUE(toucher.opened() && toucher.touch(0.05, 0.002, &answer));
+  EXPECT_EQ(answer.youngs_modulus_log_std(), e.youngs_modulus_log_std()) << "the force's, once";
   EXPECT_EQ(answer.model_stamp().monotonic_ns(), e.taken_in().monotonic_ns());
   EXPECT_EQ(answer.model_stamp().instance(), e.taken_in().instance());
 }

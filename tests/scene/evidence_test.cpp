@@ -150,7 +150,7 @@ class EvidenceOnDisk : public testing::Test {
     for (std::size_t n = 0; n < window.valid.size(); ++n)
       window.log_deviation.push_back(static_cast<float>(0.1 + window.grid.y_m(n)));
     window.evidence = {
-        {"misfit: such and such", "noise: much"}, 0, 0.0011, 0.02, 0.07, 10e3, 0.8, 0, Clock::now()};
+        {"misfit: such and such", "noise: much"}, 0, 0.0011, 0.02, 0.07, 10e3, 0.8, 0, Clock::now(), 0.09};
     Scenes scenes(directory);
     publish_into(scenes, create_scene(scenes, "a", tissue(0.12, kDepthM), std::nullopt), window);
     kept = *scenes.find("a")->snapshot()->windows[0]->evidence;
@@ -176,6 +176,7 @@ TEST_F(EvidenceOnDisk, SurvivesTheService) {
   EXPECT_EQ(window->evidence->correlation_m, 0.0011);
   EXPECT_EQ(window->evidence->force_relative_deviation, 0.02);
   EXPECT_EQ(window->evidence->area_relative_deviation, 0.07);
+  EXPECT_EQ(window->evidence->common_deviation, 0.09);
   EXPECT_EQ(window->evidence->background_modulus_pa, 10e3);
   EXPECT_EQ(window->evidence->quality, 0.8);
   EXPECT_EQ(window->evidence->measured_share, kept.measured_share);
@@ -186,6 +187,22 @@ TEST_F(EvidenceOnDisk, SurvivesTheService) {
     ASSERT_TRUE(read[n] == deviation[n] || (std::isnan(read[n]) && std::isnan(deviation[n]))) << n;
   EXPECT_NEAR(scene->snapshot()->map->measured_log_deviation(0.045, 0.02), 0.12, 0.001);
   EXPECT_EQ(touched(scene, 0.045).status, TouchStatus::kDegraded) << "it is as wrong as before";
+}
+
+// As a service wrote it whose deviations did not hold what the force and the area leave open.
+TEST_F(EvidenceOnDisk, DeviationsOfBeforeAreWidenedByTheForces) {
+  const fs::path file = directory / "scenes" / "a" / "scene.json";
+  nlohmann::json scene = nlohmann::json::parse(std::ifstream(file));
+  scene["windows"][0]["evidence"].erase("common_deviation");
+  scene.erase("checksum");
+  std::ofstream(file) << scene;
+  Scenes scenes(directory);
+  scenes.restore();
+  const auto restored = scenes.find("a")->snapshot();
+  const WindowEvidence& e = *restored->windows.at(0)->evidence;
+  EXPECT_NEAR(e.common_deviation, std::hypot(0.02, 0.07), 1e-12);
+  EXPECT_NEAR(e.log_deviation, std::hypot(kept.log_deviation, 0.02, 0.07), 1e-9);
+  EXPECT_NEAR(restored->map->measured_log_deviation(0.045, 0.02), std::hypot(0.12, 0.02, 0.07), 0.001);
 }
 
 // As a service wrote it that kept neither evidence nor deviations.

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "service/device/cancellation.h"
+#include "service/imaging/modulus/common_deviation.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -20,7 +21,8 @@ constexpr double kMaxUntracked = 0.10;  // part of the image inside the tissue
 constexpr double kMaxDeviation = 0.25;  // median standard deviation of log E
 constexpr double kMaxRamp = 1.25;       // of the background's modulus from one end of the window to the other
 constexpr double kMaxLateralRatio = 0.25;  // of - eps_xx / eps_yy, from what the plane assumption says
-constexpr double kMaxPressure = 0.10;  // of log E when nu is off by 0.01, which is how well tissue's is known
+constexpr double kMaxPressure = 0.10;      // of log E when nu is off by its deviation
+constexpr double kPoissonError = 0.01;     // that, where it is not stated
 // Part of the window that is no background, beyond what inclusions of 15 mm show.
 constexpr double kMaxExtent = 0.14;
 // Median difference of log E from what other windows told, in deviations of both together.
@@ -30,7 +32,6 @@ constexpr double kGuessLog = 0.69;      // of log E, from which on it is one: a 
 constexpr double kMisfitLog = 2.3;      // of log E: a factor of ten
 constexpr double kOfExtent = 2;         // of log E, for each part of the window beyond the usual
 constexpr double kSoftLog = 0.1;        // log(background / E) from which on it is soft; fully at twice that
-constexpr double kPoissonError = 0.01;  // how well nu of tissue is known
 constexpr double kBorderM = 4e-3;       // on each side of a border
 constexpr std::size_t kMinShared = 50;  // nodes that a comparison needs
 // Over a region the posterior's errors average out: of a median's deviation over that of its nodes.
@@ -92,10 +93,13 @@ struct Comparison {
     float difference, deviation;
   };
   std::vector<Place> places;
+  double common = 0;  // deviation of log E that places share
   void add(float modulus, float deviation_here, const KnownModulus& known, double x_m, double y_m) {
     const double stated = known(x_m, y_m);
     if (!std::isfinite(modulus) || !(stated > 0 && std::isfinite(stated))) return;
-    const double claimed = known.log_deviation ? known.log_deviation(x_m, y_m) : deviation_here;
+    // Without what the places of a window have in common, by the same sensor, area and tissue.
+    const double all = known.log_deviation ? known.log_deviation(x_m, y_m) : NAN,
+                 claimed = std::sqrt(std::max(all * all - common * common, 0.0));
     places.push_back(
         {static_cast<float>(std::log(modulus / stated)),
          static_cast<float>(std::hypot(deviation_here, std::isfinite(claimed) ? claimed : deviation_here))});
@@ -116,6 +120,7 @@ struct Comparison {
 // where the tissue goes on: the places mirrored at the border.
 std::array<Comparison, 3> compare(const ModulusInput& in, const ModulusEstimate& e) {
   std::array<Comparison, 3> out;
+  for (Comparison& c : out) c.common = e.common_deviation;
   for (std::size_t n = 0; n < in.measured.grid.size(); ++n) {
     if (n % in.measured.grid.nx == 0) check_cancelled();
     const double x = in.measured.grid.x_m(n);
@@ -251,25 +256,26 @@ void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
              in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID");
 }
 
-// |d log P / d nu| x 0.01 (T3.4). Near nu = 1/2 the tissue carries the push by pressure as far as it cannot
-// give way sideways. Pressure leaves no trace in the displacement: the scale of the modulus then hangs on nu.
+// |d log P / d nu| times nu's deviation (T3.4), of which common_deviation() holds what the modulus moves by.
+// Near nu = 1/2 the tissue carries the push by pressure as far as it cannot give way sideways. Pressure
+// leaves no trace in the displacement: the scale of the modulus then hangs on nu.
 void pressure(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   if (!out.absolute) return;
   // Under a narrow face the tissue gives way across the plane.
   if (out.kind == ModulusKind::kSolid && in.force->contact_area_m2 < in.window_width_m * in.tissue.depth_m)
     return;
-  const double off = kPoissonError * std::abs(strips.get(in.tissue, in.window_width_m)->log_force_slope);
+  const double error = in.tissue.poisson_std > 0 ? in.tissue.poisson_std : kPoissonError,
+               off = error * std::abs(strips.get(in.tissue, in.window_width_m)->log_force_slope);
   if (!(off > kMaxPressure)) return;
-  widen(out.log_deviation, off);
   out.warn(ModulusFlag::kPressure,
            "the tissue is confined and nearly incompressible: pressure carries the probe's force, which the "
            "displacement does not show, and the modulus changes by {:.0f} % when the Poisson ratio ({:.4g}) "
-           "is off by 0.01",
-           100 * off, in.tissue.poisson_ratio);
+           "is off by {:.2g}",
+           100 * off, in.tissue.poisson_ratio, error);
 }
 
-// Median of log(E / known) over both deviations (T3.4). A wrong force scales the whole map; only other
-// windows can tell.
+// Median of log(E / known) over both deviations, with those of both forces, the other taken for as uncertain
+// as this one (T3.4). A wrong force scales the whole map; only other windows can tell.
 void scale(const ModulusInput& in, ModulusEstimate& out) {
   if (!out.absolute || !in.known) return;
   double worst = 0, shift = 0;
@@ -277,7 +283,8 @@ void scale(const ModulusInput& in, ModulusEstimate& out) {
     if (c.places.size() < kMinShared) continue;
     const Comparison::Place typical = c.typical();
     const double of_median = out.kind == ModulusKind::kIterative ? kOfMedian : 1;
-    const double off = std::abs(typical.difference) / (of_median * typical.deviation);
+    const double off = std::abs(typical.difference) /
+                       std::hypot(of_median * typical.deviation, std::sqrt(2.0) * in.force->own_deviation);
     if (off > worst) worst = off, shift = typical.difference;
   }
   if (!(worst > kMaxDisagreement)) return;
@@ -336,6 +343,7 @@ double correlation_with_common(double length_m, double own, double common) {
 }
 
 void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
+  out.common_deviation = common_deviation(in, strips, out);
   const double own = deviation(in, out);
   untracked(in, out);
   ramp(in, out);
@@ -345,6 +353,10 @@ void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   check_cancelled();
   extent(in, out);
   misfit(out);
+  widen(out.log_deviation, out.common_deviation);
+  std::vector<float> said;
+  std::ranges::copy_if(out.log_deviation, std::back_inserter(said), [](float d) { return std::isfinite(d); });
+  out.median_deviation = said.empty() ? 0 : median(said);
   const double common = mean_square(out.log_deviation) - own;
   if (common > 0) out.correlation_m = correlation_with_common(out.correlation_m, own, common);
 }

@@ -49,6 +49,7 @@ struct ModulusInput {
   const struct ModulusEstimate* reference = nullptr;
   // Other slices of a solid, by offset_m, none at 0.
   std::vector<SliceBeside> beside = {};
+  double sound_speed_deviation = 0;  // of its logarithm
 };
 
 enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };
@@ -75,6 +76,8 @@ struct ModulusWarning {
 struct ModulusEstimate {
   Field youngs_modulus;  // Pa, or relative (median 1); NaN where nothing can be said
   Field log_deviation;   // standard deviation of log E; NaN where youngs_modulus is; empty: not computed
+  double median_deviation = 0;  // of log_deviation over the nodes that say something; 0: not computed
+  double common_deviation = 0;  // part of log_deviation that all places share, by what is stated (T3.10)
   // Errors of log E at two places correlate by exp(-distance / it); assumed by methods that do not find it.
   double correlation_m = 0.0035;
   ModulusKind kind = ModulusKind::kReferenceStress;

@@ -2,6 +2,7 @@
 // neighbourhood.
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <optional>
 
@@ -12,6 +13,10 @@ namespace teletact::service {
 struct ProbeForce {
   double force_n = 0;
   double contact_area_m2 = 0;
+  // Standard deviations of ln(force / area): of what is another for each pair (the sensor's noise, its zero),
+  // and of what pairs have in common (its gain, the area, the preload).
+  double own_deviation = 0, shared_deviation = 0;
+  double deviation() const { return std::hypot(own_deviation, shared_deviation); }
 };
 
 // Strain of the tissue across the image plane: none (thick tissue between its neighbours), whatever leaves
@@ -30,11 +35,13 @@ struct TissueExtent {
   // depth_m is known. What is not known is fitted.
   double probe_elevation_m = 0;
   bool depth_stated = true;
-  // Standard deviations of what is stated; 0: as usual.
-  double probe_elevation_std_m = 0, depth_std_m = 0;
-  // How far tissue goes on beside the face on both sides, and its deviation; absent: not known.
+  // Standard deviations of what is stated; 0: taken as stated, of a solid as its fit usually takes it.
+  double probe_elevation_std_m = 0;
+  double depth_std_m = 0;
+  // How far tissue goes on beside the face, on both sides; absent: not stated.
   std::optional<double> beside_m = {};
   double beside_std_m = 0;
+  double poisson_std = 0;
 };
 
 // Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and

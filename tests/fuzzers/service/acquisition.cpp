@@ -40,8 +40,8 @@ void check(const EstimateRequest& r, const Limits& limits) {
   require(r.tissue.poisson_ratio >= 0 && r.tissue.poisson_ratio < 0.5, "a Poisson ratio that cannot be");
   if (!r.force) return;
   require(r.force->force_n > 0 && r.force->contact_area_m2 > 0, "a force or an area that is not positive");
-  for (const double deviation : {r.force_relative_deviation(), r.area_relative_deviation()})
-    require(deviation >= 0 && deviation < 1, "a deviation beyond the value itself");
+  for (const double deviation : {r.force_relative_deviation, r.area_relative_deviation})
+    require(deviation >= 0 && deviation < 2, "a deviation beyond the value itself");
 }
 
 void check(const RfFrame& frame, const EstimateRequest& request) {

@@ -43,11 +43,21 @@ def rf_frame(values: Any, field: str) -> Any:
     return np.ascontiguousarray(frame.T, dtype)
 
 
+def _set(message: Any, numbers: dict[str, float | None]) -> None:
+    for field, value in numbers.items():
+        if value is None:
+            continue
+        if "_std" in field and not value > 0:  # 0 is the contract's default
+            raise InvalidArgument(f"{value}", field=field, remedy="give a standard deviation above 0, or leave it out")
+        setattr(message, field, float(value))
+
+
 def acquisition_of(pre: Any, post: Any, *, frame: str, plane: str | None, method: str | None,
-                   force_n: float | None, contact_area_m2: float | None, force_std_n: float | None,
-                   contact_area_std_m2: float | None, publish: str | None, window_x_m: float | None,
-                   maps: Collection[str] | None, numbers: dict[str, float | None]) -> elastography.Acquisition:
-    """``pre``, ``post``: as rf_frame gives them. ``numbers``: fields of the message that are sent where given."""
+                   force_n: float | None, contact_area_m2: float | None, sensor: dict[str, float | None],
+                   publish: str | None, window_x_m: float | None, maps: Collection[str] | None,
+                   numbers: dict[str, float | None]) -> elastography.Acquisition:
+    """``pre``, ``post``: as rf_frame gives them. ``numbers`` and, of the force, ``sensor``: fields of the messages
+    that are sent where given."""
     if pre.shape != post.shape or pre.dtype != post.dtype:
         raise InvalidArgument(f"pre is {pre.shape[::-1]} {pre.dtype}, post is {post.shape[::-1]} {post.dtype}",
                               field="post", remedy="give frames of one shape and type")
@@ -57,15 +67,13 @@ def acquisition_of(pre: Any, post: Any, *, frame: str, plane: str | None, method
     out.plane = _named("plane", plane or ("strain" if publish else "solid"), _PLANES)
     if method is not None:
         out.modulus_method = _named("method", method, _METHODS)
-    for field, value in numbers.items():
-        if value is not None:
-            setattr(out, field, float(value))
+    _set(out, numbers)
     if (force_n is None) != (contact_area_m2 is None):
         raise InvalidArgument("one of a pair", field="force_n, contact_area_m2", remedy="give both or none")
     if force_n is not None and contact_area_m2 is not None:
-        out.probe_force.force_n, out.probe_force.contact_area_m2 = force_n, contact_area_m2
-        out.probe_force.force_std_n = force_std_n or 0
-        out.probe_force.contact_area_std_m2 = contact_area_std_m2 or 0
+        _set(out.probe_force, {"force_n": force_n, "contact_area_m2": contact_area_m2, **sensor})
+    elif given := [field for field, value in sensor.items() if value is not None]:
+        raise InvalidArgument("without a force", field=given[0], remedy="give force_n and contact_area_m2 with it")
     if (publish is None) != (window_x_m is None):
         raise InvalidArgument("one of a pair", field="publish, window_x_m",
                               remedy="give the scene and where the window's left border is in it, or neither")
@@ -143,6 +151,9 @@ class Answers:
         }
         if summary.HasField("youngs_modulus_correlation_m"):
             out.attrs["youngs_modulus_correlation_m"] = summary.youngs_modulus_correlation_m
+        if summary.HasField("youngs_modulus_log_std"):
+            out.attrs |= {"youngs_modulus_log_std": summary.youngs_modulus_log_std,
+                          "youngs_modulus_common_log_std": summary.youngs_modulus_common_log_std}
         if summary.scene_id:
             out.attrs |= {"scene_id": summary.scene_id, "window_id": summary.window_id,
                           "scene_version": summary.scene_version,

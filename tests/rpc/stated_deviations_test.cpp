@@ -1,0 +1,129 @@
+// What a client states to be uncertain of its pair, from the contract to the estimate's input.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "service/rpc/estimate_messages.h"
+
+namespace teletact::service {
+namespace {
+
+constexpr double kForceN = 0.2, kAreaM2 = 4e-4, kWidthM = 0.04;
+
+// A solid's, 40 mm wide, of which everything is stated.
+v1::Acquisition acquisition() {
+  v1::Acquisition a;
+  a.set_sample_count(2048), a.set_line_count(160), a.set_dtype(v1::DATA_TYPE_INT16);
+  a.set_center_frequency_hz(7e6), a.set_sampling_frequency_hz(40e6), a.set_sound_speed_m_s(1500);
+  a.set_line_pitch_m(kWidthM / 160), a.set_displacement_frame(v1::DISPLACEMENT_FRAME_PROBE);
+  a.set_plane(v1::PLANE_CONDITION_SOLID), a.set_tissue_depth_m(0.05), a.set_tissue_width_m(0.1);
+  a.set_probe_elevation_m(0.01);
+  a.mutable_probe_force()->set_force_n(kForceN), a.mutable_probe_force()->set_contact_area_m2(kAreaM2);
+  return a;
+}
+
+EstimateRequest settled(const v1::Acquisition& a) {
+  const Scenes none{""};
+  return request_from(a, none, Limits());
+}
+
+TEST(StatedDeviations, ReachTheEstimatesInput) {
+  v1::Acquisition a = acquisition();
+  v1::ProbeForce& force = *a.mutable_probe_force();
+  force.set_force_std_n(0.01), force.set_force_zero_n(0.04), force.set_force_zero_std_n(0.02);
+  force.set_force_gain(0.8), force.set_force_gain_std(0.04), force.set_contact_area_std_m2(4e-5);
+  a.set_poisson_ratio_std(0.02), a.set_sound_speed_std_m_s(30), a.set_tissue_depth_std_m(0.004);
+  a.set_tissue_width_std_m(0.01), a.set_probe_elevation_std_m(0.003);
+  a.set_preload_m(0.003), a.set_preload_std_m(0.004);
+  const EstimateRequest r = settled(a);
+  EXPECT_NEAR(r.force->force_n, (kForceN - 0.04) / 0.8, 1e-12);
+  EXPECT_NEAR(r.force->own_deviation, std::hypot(0.01, 0.02) / 0.16, 1e-12);
+  EXPECT_NEAR(r.force->shared_deviation, std::hypot(0.04 / 0.8, 0.1, 0.005 / 0.05), 1e-12);
+  EXPECT_NEAR(r.force_relative_deviation, std::hypot(r.force->own_deviation, 0.05), 1e-12);
+  EXPECT_NEAR(r.area_relative_deviation, 0.1, 1e-12);
+  EXPECT_EQ(r.tissue.poisson_std, 0.02);
+  EXPECT_NEAR(r.sound_speed_deviation, 0.02, 1e-12);
+  EXPECT_EQ(r.tissue.depth_std_m, 0.004);
+  EXPECT_EQ(r.tissue.probe_elevation_std_m, 0.003);
+  ASSERT_TRUE(r.tissue.beside_m);
+  EXPECT_NEAR(*r.tissue.beside_m, (0.1 - kWidthM) / 2, 1e-12);
+  EXPECT_NEAR(r.tissue.beside_std_m, 0.005, 1e-12);
+}
+
+TEST(StatedDeviations, LeftOutAreTheDefaultsOfTheContract) {
+  v1::Acquisition a = acquisition();
+  a.clear_tissue_width_m();
+  const EstimateRequest r = settled(a);
+  EXPECT_EQ(r.force->force_n, kForceN);
+  EXPECT_EQ(r.force->own_deviation, 0.03);
+  EXPECT_EQ(r.force->shared_deviation, 0.05);
+  EXPECT_EQ(r.tissue.poisson_std, 0.01);
+  EXPECT_EQ(r.sound_speed_deviation, 0.015);
+  EXPECT_EQ(r.tissue.depth_std_m, 0);
+  EXPECT_EQ(r.tissue.probe_elevation_std_m, 0);
+  EXPECT_FALSE(r.tissue.beside_m);
+}
+
+TEST(StatedDeviations, BeyondTheirValueOrWithoutItAreRefusedByName) {
+  const auto refusal = [](const std::function<void(v1::Acquisition&)>& change) -> std::string {
+    v1::Acquisition a = acquisition();
+    change(a);
+    try {
+      settled(a);
+    } catch (const std::invalid_argument& refused) {
+      return refused.what();
+    }
+    return "taken";
+  };
+  using Set = void (*)(v1::Acquisition&, double);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = [&](const char* field, Set set, double beyond) {
+    for (const double bad : {-1e-6, beyond, nan, HUGE_VAL}) {
+      const std::string said = refusal([&](auto& a) { set(a, bad); });
+      EXPECT_EQ(said.find(std::string("acquisition.") + field + ": "), 0U) << bad << ": " << said;
+      EXPECT_NE(said.find("leave it out"), std::string::npos) << said;
+    }
+  };
+  refused(
+      "probe_force.force_zero_std_n",
+      [](auto& a, double v) { a.mutable_probe_force()->set_force_zero_std_n(v); }, kForceN);
+  refused(
+      "probe_force.force_gain_std", [](auto& a, double v) { a.mutable_probe_force()->set_force_gain_std(v); },
+      1);
+  refused(
+      "probe_force.force_gain", [](auto& a, double v) { a.mutable_probe_force()->set_force_gain(v); }, 11);
+  refused(
+      "poisson_ratio_std", [](auto& a, double v) { a.set_poisson_ratio_std(v); }, 0.2);
+  refused(
+      "sound_speed_std_m_s", [](auto& a, double v) { a.set_sound_speed_std_m_s(v); }, 1500);
+  refused(
+      "tissue_depth_std_m", [](auto& a, double v) { a.set_tissue_depth_std_m(v); }, 0.05);
+  refused(
+      "tissue_width_std_m", [](auto& a, double v) { a.set_tissue_width_std_m(v); }, 0.1);
+  refused(
+      "probe_elevation_std_m", [](auto& a, double v) { a.set_probe_elevation_std_m(v); }, 0.01);
+  refused(
+      "preload_std_m", [](auto& a, double v) { a.set_preload_std_m(v); }, 0.05);
+  refused(
+      "preload_m", [](auto& a, double v) { a.set_preload_m(v); }, 0.05);
+  for (const double bad : {kForceN, -kForceN, nan})
+    EXPECT_NE(refusal([&](auto& a) { a.mutable_probe_force()->set_force_zero_n(bad); }).find("force_zero_n"),
+              std::string::npos);
+  const auto alone = [&](const std::function<void(v1::Acquisition&)>& change) {
+    EXPECT_NE(refusal(change).find("is not stated; state that too"), std::string::npos) << refusal(change);
+  };
+  alone([](auto& a) { a.clear_tissue_depth_m(), a.set_tissue_depth_std_m(0.001); });
+  alone([](auto& a) { a.clear_tissue_width_m(), a.set_tissue_width_std_m(0.001); });
+  alone([](auto& a) { a.clear_probe_elevation_m(), a.set_probe_elevation_std_m(0.001); });
+  EXPECT_NE(refusal([](auto& a) {
+              a.set_plane(v1::PLANE_CONDITION_STRAIN), a.clear_probe_elevation_m();
+              a.set_probe_elevation_std_m(0.001);
+            }).find("of solid tissue alone"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace teletact::service
