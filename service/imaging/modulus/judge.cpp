@@ -188,7 +188,7 @@ double deviation(const ModulusInput& in, ModulusEstimate& out) {
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     const double soft = error.soft * std::clamp(-logarithm / kSoftLog - 1, 0.0, 1.0);
     of_model[n] = static_cast<float>(std::hypot(smeared, error.of_contrast * logarithm, soft));
-    const float noise = m.axial_strain_std[n] / std::abs(m.axial_strain[n]);
+    const float noise = m.axial_strain_noise[n] / std::abs(m.axial_strain[n]);
     const double own = std::isfinite(noise) ? noise : std::log(2.0);
     out.log_deviation[n] = static_cast<float>(std::hypot(own, of_model[n], error.floor));
     said.push_back(out.log_deviation[n]);

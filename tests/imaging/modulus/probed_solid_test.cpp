@@ -152,7 +152,7 @@ class Pressed {
                    strain = as * at_node(axial, tissue->cells(), m.grid, 0, n);
       m.axial_strain.push_back(static_cast<float>(strain));
       m.lateral_strain.push_back(static_cast<float>(as * at_node(lateral, tissue->cells(), m.grid, 0, n)));
-      m.axial_strain_std.push_back(static_cast<float>(std::abs(kNoise * strain)));
+      m.axial_strain_noise.push_back(static_cast<float>(std::abs(kNoise * strain)));
     }
   }
 
