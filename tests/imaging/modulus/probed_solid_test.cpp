@@ -235,7 +235,7 @@ TEST(ProbeFit, TriesNoSidesWithoutTheSolves) {
   const ModulusEstimate e = pressed.estimate({.solves = 20});
   EXPECT_FALSE(says(e, "beside the probe")) << e.model;
   EXPECT_TRUE(warned(e, ModulusFlag::kMisfit)) << e.model;
-  EXPECT_TRUE(warned(e, ModulusFlag::kDeadline)) << e.model;
+  EXPECT_TRUE(warned(e, ModulusFlag::kCut)) << e.model;
   EXPECT_LE(e.solves, 20);
   for (const float deviation : e.log_deviation) EXPECT_FALSE(deviation < 0.3F);
 }
