@@ -250,7 +250,7 @@ void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
   const double expected = out.lateral_ratio.value_or(in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu);
   if (ratio && std::abs(*ratio - expected) > kMaxLateralRatio)
     out.warn(ModulusFlag::kOutOfPlane,
-             "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it moves "
+             "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it gives way "
              "across the image plane, or nu or the plane condition is another; the modulus is off by a third "
              "to twofold{}",
              *ratio, expected,
