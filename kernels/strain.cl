@@ -15,8 +15,8 @@
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
     __global const float2* restrict field, __global const uchar* restrict trusted,
     __global float4* restrict strain_out, __global uchar* restrict trusted_out, const int nx, const int ny,
-    const float dx_m, const float dy_m, const int half_columns, const int half_rows,
-    const float min_fraction, const float residual_limit_m) {
+    const float dx_m, const float dy_m, const int half_columns, const int half_rows, const float min_fraction,
+    const float residual_limit_m) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
@@ -61,19 +61,67 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain(
   trusted_out[node] = trusted[node] && residual <= residual_limit_m ? 1 : 0;
 }
 
-// Standard deviations of (eps_xx, eps_yy, eps_xy) from the information of the place (deviation.clh; tables of
-// the slopes du_x/dx, du_x/dy, du_y/dx, du_y/dy); NaN where the strain is.
+// What the kernel takes off its own result, (eps_xx, eps_yy, eps_xy) each: a plane's slope is the strain
+// within weighed by a parabola along it, by a box across. Trusted nodes alone; NaN where the strain is.
+__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain_rest(
+    __global const float4* restrict strain, __global const uchar* restrict trusted,
+    __global float* restrict rest, const int nx, const int ny, const int half_columns, const int half_rows) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
+  const int i = node % nx, j = node / nx;
+  float3 sum = 0.0f, count = 0.0f;
+  for (int r = max(j - half_rows, 0); r <= min(j + half_rows, ny - 1); ++r)
+    for (int c = max(i - half_columns, 0); c <= min(i + half_columns, nx - 1); ++c) {
+      const int at = c + nx * r;
+      if (!trusted[at] && at != node) continue;
+      const float along = (float)(half_columns * (half_columns + 1) - (c - i) * (c - i)),
+                  down = (float)(half_rows * (half_rows + 1) - (r - j) * (r - j));
+      // Shear is half of a slope along and half of one down.
+      const float3 w = (float3)(along, down,
+                                0.5f * (along / (half_columns * (half_columns + 1)) +
+                                        down / (half_rows * (half_rows + 1))));
+      sum += w * strain[at].xyz;
+      count += w;
+    }
+  vstore3(strain[node].xyz - sum / count, node, rest);
+}
+
+// Standard deviations of (eps_xx, eps_yy, eps_xy) and the noise's part of that of eps_yy; NaN where the
+// strain is. tables (deviation.clh) of the slopes du_x/dx, du_x/dy, du_y/dx, du_y/dy, at the information of
+// the place: deviation of the noise; what the noise alone gives strain_rest(); the true bias over what
+// strain_rest() sees of it. The bias is the mean square of strain_rest() over a kernel, less what noise alone
+// may make of that: such a mean scatters by about a quarter of itself.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void strain_deviation(
     __global const float2* restrict information, __global const float4* restrict strain,
-    __global const float* restrict tables, __global float* restrict deviation, const int nodes,
-    const float lateral_median, const float axial_median) {
+    __global const float* restrict rest, __global const float* restrict tables,
+    __global float4* restrict deviation, const int nx, const int ny, const int half_columns,
+    const int half_rows, const float lateral_median, const float axial_median) {
   const int node = get_global_id(0);
-  if (node >= nodes) return;
+  if (node >= nx * ny) return;
+  if (isnan(strain[node].x)) {
+    deviation[node] = (float4)(NAN);
+    return;
+  }
+  const int i = node % nx, j = node / nx;
+  float3 squares = 0.0f;
+  float near = 0.0f;
+  for (int r = max(j - half_rows, 0); r <= min(j + half_rows, ny - 1); ++r)
+    for (int c = max(i - half_columns, 0); c <= min(i + half_columns, nx - 1); ++c) {
+      const float3 b = vload3(c + nx * r, rest);
+      if (isnan(b.x)) continue;
+      squares += b * b;
+      near += 1.0f;
+    }
   const float2 h = information[node];
-  const float lateral_down = deviation_at(tables + DEVIATION_ENTRIES, h.x, lateral_median);
-  const float axial_along = deviation_at(tables + 2 * DEVIATION_ENTRIES, h.y, axial_median);
-  const float3 found = (float3)(deviation_at(tables, h.x, lateral_median),
-                                deviation_at(tables + 3 * DEVIATION_ENTRIES, h.y, axial_median),
-                                0.5f * hypot(lateral_down, axial_along));
-  vstore3(isnan(strain[node].x) ? (float3)(NAN) : found, node, deviation);
+  float3 table[3];
+  for (int n = 0; n < 3; ++n) {
+    float4 slopes;
+    slopes.x = deviation_at(tables + (4 * n) * DEVIATION_ENTRIES, h.x, lateral_median);
+    slopes.y = deviation_at(tables + (4 * n + 1) * DEVIATION_ENTRIES, h.x, lateral_median);
+    slopes.z = deviation_at(tables + (4 * n + 2) * DEVIATION_ENTRIES, h.y, axial_median);
+    slopes.w = deviation_at(tables + (4 * n + 3) * DEVIATION_ENTRIES, h.y, axial_median);
+    table[n] = (float3)(slopes.x, slopes.w, 0.5f * (n < 2 ? hypot(slopes.y, slopes.z) : slopes.y + slopes.z));
+  }
+  const float3 seen = fmax(squares / fmax(near, 1.0f) - 1.25f * table[1] * table[1], 0.0f);
+  deviation[node] = (float4)(sqrt(table[0] * table[0] + table[2] * table[2] * seen), table[0].y);
 }

@@ -100,6 +100,7 @@ Panel panel_of(const v1::Map& map, const std::vector<float>& valid) {
   panel.values = values_of(map);
   panel.unit = how.unit;
   panel.factor = how.factor;
+  panel.grey = map.name() == "b_mode";
   if (!valid.empty() && map.name() != "correlation") {
     for (std::size_t i = 0; i < valid.size(); ++i)
       if (valid[i] == 0) panel.values[i] = std::numeric_limits<float>::quiet_NaN();

@@ -41,22 +41,6 @@ void warn_of_assumptions(const v1::Acquisition& acquisition) {
                  tissue.depth_m * 1e3);
 }
 
-// What a .mat file looks like read across is refused for many reasons, so the axis is always named with them.
-EstimateOutcome estimate(EstimateClient& client, const FramePair& pair, const EstimateCallbacks& callbacks,
-                         const RecordedFrameOptions& frames) {
-  try {
-    return client.estimate(pair.acquisition, pair.pre, pair.post, callbacks, false);
-  } catch (const ServiceError& error) {
-    const bool refused = error.code == grpc::StatusCode::INVALID_ARGUMENT ||
-                         error.code == grpc::StatusCode::FAILED_PRECONDITION;
-    if (frames.axial_axis.empty() || !refused) throw;
-    throw CommandError(std::string(error.what()) + "; with --axial-axis " + frames.axial_axis +
-                       " there are " + std::to_string(pair.acquisition.sample_count()) +
-                       " samples in depth and " + std::to_string(pair.acquisition.line_count()) +
-                       " A-lines: give the other axis if that is the wrong way round");
-  }
-}
-
 // Ctrl-C while it computes leaves nothing behind; the second that the writing takes is waited for, so that
 // the folder holds all of it or nothing.
 void let_writing_end() {
@@ -110,7 +94,7 @@ void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& chan
   const FramePair pair = read_recorded_frames(frames);
   warn_of_assumptions(pair.acquisition);
   if (!pair.made.empty()) std::printf("%s\n", pair.made.c_str());
-  EstimateOutcome outcome = estimate(client, pair, progress(), frames);
+  EstimateOutcome outcome = client.estimate(pair.acquisition, pair.pre, pair.post, progress(), false);
   add_doubts(pair, outcome.summary);
   let_writing_end();
   const auto files =

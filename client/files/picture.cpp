@@ -70,13 +70,18 @@ std::string script_of(const Panel& panel) {
   const Axis x = axis_of(panel.origin_x_m, panel.dx_m, panel.nx, along_x),
              y = axis_of(panel.origin_y_m, panel.dy_m, panel.ny, along_y);
   const Range range = range_of(panel);
+  // The colours of "viridis" (matplotlib, CC0), evenly perceived and readable in grey, on grey.
+  constexpr const char* kColours =
+      "defined (0 '#440154', 1 '#482475', 2 '#414487', 3 '#355f8d', 4 '#2a788e', 5 '#21918c', 6 '#22a884', "
+      "7 '#44bf70', 8 '#7ad151', 9 '#bddf26', 10 '#fde725')";
   std::string script = fmt::format(
-      "set title {} noenhanced\nset ylabel {} noenhanced\nset cblabel {} noenhanced\nset cbrange [{}:{}]\n"
+      "set palette {}\nset title {} noenhanced\nset ylabel {} noenhanced\nset cblabel {} noenhanced\nset "
+      "cbrange [{}:{}]\n"
       "set xrange [{}:{}]\nset yrange [{}:{}]\n"
       "plot '-' binary array=({},{}) format='%float32' dx={} dy={} origin=({},{}) with image\n",
-      gnuplot_string(panel.title), gnuplot_string(panel.down + " (mm)"), gnuplot_string(panel.unit),
-      range.low * panel.factor, range.high * panel.factor, x.begin, x.end, y.end, y.begin, along_x * panel.nx,
-      along_y * panel.ny, x.spacing, y.spacing, x.first, y.first);
+      panel.grey ? "gray" : kColours, gnuplot_string(panel.title), gnuplot_string(panel.down + " (mm)"),
+      gnuplot_string(panel.unit), range.low * panel.factor, range.high * panel.factor, x.begin, x.end, y.end,
+      y.begin, along_x * panel.nx, along_y * panel.ny, x.spacing, y.spacing, x.first, y.first);
   for (std::size_t j = 0; j < along_y * panel.ny; ++j)
     for (std::size_t i = 0; i < along_x * panel.nx; ++i) {
       const float shown = panel.values[i / along_x + panel.nx * (j / along_y)] * float(panel.factor);
@@ -134,10 +139,7 @@ void write_png(const std::filesystem::path& path, std::span<const Panel> panels,
     check(panel, options);
     height = std::max(height, map_height(panel, options.panel_width));
   }
-  // The colours of "viridis" (matplotlib, CC0), evenly perceived and readable in grey, on grey.
   std::string script = fmt::format(
-      "set palette defined (0 '#440154', 1 '#482475', 2 '#414487', 3 '#355f8d', 4 '#2a788e', 5 '#21918c', "
-      "6 '#22a884', 7 '#44bf70', 8 '#7ad151', 9 '#bddf26', 10 '#fde725')\n"
       "set object 1 rectangle from graph 0,0 to graph 1,1 behind fc rgb '#808080' fs solid noborder\n"
       "unset key\nset size ratio -1\nset xlabel 'x (mm)'\nset tics out nomirror font ',9'\n"
       "set multiplot layout {},{}\n",

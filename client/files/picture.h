@@ -21,6 +21,7 @@ struct Panel {
   std::string down = "y";     // the axis that goes down
   std::vector<float> values;  // what is not finite is drawn grey
   std::string unit;           // beside the colour bar, e.g. "kPa"
+  bool grey = false;          // shades instead of colours
   double factor = 1;          // numbers on the bar are value * factor (Pa -> kPa: 1e-3)
   // Range of the colours; NaN = the 1st to 99th percentile of the finite values. Give both panels of a
   // comparison the same range.

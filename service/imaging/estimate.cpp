@@ -148,7 +148,10 @@ DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post
   DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry);
   e.grid = image_grid(displacement.grid, geometry);
   download(queue_, displacement, e);
-  if (auto text = contradicted_frequency(pre, geometry)) e.input_warnings.push_back(*text);
+  if (auto text = contradicted_rf(pre))
+    e.input_warnings.push_back(*text);
+  else if (text = contradicted_frequency(pre, geometry); text)
+    e.input_warnings.push_back(*text);
   judge_tracking(pre, post, geometry, e);
   if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
     e.input_warnings.push_back(*text);

@@ -132,11 +132,11 @@ inline std::string_view flag_of(std::string_view warning) {
   return warning.substr(0, warning.find(':'));
 }
 
-// Whether answers of a window with this doubt are not to be trusted: the force may be off by any factor, or
-// no modulus explains what was measured. All others are said, and the answer stands; untracked tissue each
+// Whether answers of a window with this doubt are not to be trusted: the force may be off by any factor, no
+// modulus explains what was measured, or that was no RF, or none as stated. All others are said, and the answer stands; untracked tissue each
 // touch judges itself (choices::kTrustedShare). docs/guide/recorded-data.md shows the same.
 inline bool degrades(std::string_view flag) {
-  return flag == "wrong-force" || flag == "misfit";
+  return flag == "wrong-force" || flag == "misfit" || flag == "image" || flag == "axis";
 }
 
 // What elastography hands over: E and its validity on the image grid, window coordinates (x = 0 at

@@ -67,6 +67,15 @@ TEST_F(PictureFile, OneLineOfValuesIsDrawn) {
   EXPECT_GT(count_of(drawn({panel}), kHighest), 50'000u);
 }
 
+TEST_F(PictureFile, AnImageIsGreyBesideAMapInColours) {
+  Panel image = example(), map = example();
+  image.grey = true;
+  image.values.assign(image.values.size(), 100e3f), map.values.assign(map.values.size(), 0.0f);
+  const Pixels p = drawn({image, map});
+  EXPECT_LT(count_of(p, kHighest), 5'000u) << "the bar of the map alone";
+  EXPECT_GT(count_of(p, kLowest), 50'000u);
+}
+
 TEST_F(PictureFile, PanelsAreInRowsOfWhichTheLastNeedNotBeFull) {
   const std::vector<Panel> panels(4, example());
   const PictureOptions rows_of_three{.columns = 3, .panel_width = 480};

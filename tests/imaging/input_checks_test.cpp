@@ -79,6 +79,44 @@ TEST(InputChecks, MeanFrequencyIsThatOfTheEchoWhateverTheNoise) {
   EXPECT_TRUE(std::isnan(mean_frequency({64, 2, std::vector<float>(128, 3.f)}, 40e6)));
 }
 
+// Lines for samples and samples for lines.
+RfFrame turned(const RfFrame& in) {
+  RfFrame out{in.line_count, in.sample_count, std::vector<float>(in.samples.size())};
+  for (std::size_t l = 0; l < in.line_count; ++l)
+    for (std::size_t k = 0; k < in.sample_count; ++k)
+      out.samples[l + in.line_count * k] = in.samples[k + in.sample_count * l];
+  return out;
+}
+
+// Rectified, and the mean over about a period.
+RfFrame envelope(const RfFrame& in) {
+  constexpr std::size_t kPeriod = 6;
+  RfFrame out = in;
+  for (std::size_t n = kPeriod; n < in.samples.size(); ++n) {
+    out.samples[n] = 0;
+    for (std::size_t k = 0; k < kPeriod; ++k) out.samples[n] += std::abs(in.samples[n - k]);
+  }
+  return out;
+}
+
+TEST(InputChecks, WhatIsNoRfOrStandsAcrossIsNamed) {
+  const auto named = [](const RfFrame& frame) {
+    const std::string said = contradicted_rf(frame).value_or(":");
+    return said.substr(0, said.find(':'));
+  };
+  for (const double fs_hz : {40e6, 100e6})
+    for (const double center_hz : {2.5e6, 5e6, 10e6})
+      for (const double snr_db : {0.0, 40.0})
+        EXPECT_EQ(named(band(center_hz, fs_hz, snr_db)), "") << center_hz << " of " << fs_hz;
+  for (const double snr_db : {0.0, 30.0}) {
+    const RfFrame rf = tissue(snr_db).frame([](double, double) { return std::pair{0.0, 0.0}; }, 1);
+    EXPECT_EQ(named(rf), "");
+    EXPECT_EQ(named(turned(rf)), "axis");
+    EXPECT_EQ(named(envelope(rf)), "image");
+  }
+  EXPECT_EQ(named({64, 16, std::vector<float>(1024, 3.f)}), "");
+}
+
 TEST(InputChecks, TheFrameThatRestsWhereItSaysIsNotDoubted) {
   AcquisitionGeometry geometry = speckle_geometry();
   geometry.frame = DisplacementFrame::kProbe;

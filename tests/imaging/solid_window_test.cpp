@@ -296,7 +296,7 @@ TEST(SolidWindow, WhatIsNotStatedIsFitted) {
   EXPECT_NEAR(elevation_mm, 10, 2.5);
   // Without the time to fit it is as usual, and that is said.
   const Estimate as_usual = window.estimate({.force = false, .depth = false, .solves = 0});
-  EXPECT_TRUE(warned(as_usual, ModulusFlag::kDeadline));
+  EXPECT_TRUE(warned(as_usual, ModulusFlag::kCut));
   EXPECT_LT(as_usual.modulus_s, e.modulus_s / 2);
 }
 
@@ -372,7 +372,7 @@ TEST(SolidWindow, ATimeLimitIsKeptAndSaid) {
   const Estimate e = Window(tissue({}, 0.120, Lump{0.015, 5, true})).estimate({.solves = 0});
   EXPECT_EQ(e.modulus.iterations, 1);
   EXPECT_FALSE(e.modulus.converged);
-  EXPECT_TRUE(warned(e, ModulusFlag::kDeadline));
+  EXPECT_TRUE(warned(e, ModulusFlag::kCut));
   const auto lump = [](double x, double y) { return std::hypot(x - 0.03, y - 0.015) < 0.0035; };
   const double inside = median_where(e, lump);
   std::printf("one step: contrast %.2f of 5, stated %.2f\n", inside / kBackgroundPa,

@@ -7,6 +7,7 @@
 #include <map>
 #include <random>
 
+#include "client/patient/rf.h"
 #include "client/patient/solid_press.h"
 #include "client/patient/true_modulus.h"
 
@@ -80,6 +81,38 @@ void lose(WarnedWindow& w, double part) {
       w.displacement.trusted[n] = 0;
 }
 
+// A frame of the patient's own tissue, 20 mm wide, as `spoiled`.
+WarnedWindow framed(std::uint64_t seed, const std::function<void(service::RfFrame&)>& spoiled) {
+  Tissue t;
+  t.width_m = t.probe.width_m = 0.020, t.probe.lines = 85, t.depth_m = 0.020;
+  std::mt19937_64 random(seed);
+  t.ultrasound.snr_db = std::uniform_real_distribution<double>(5, 30)(random);
+  const client::ProbeState probe = client::Patient(t, 0.002).press(0, 0.1e-3);
+  const client::RfPair pair =
+      client::with_noise(client::simulate_rf(t, probe, client::RfFrame::kProbe, seed), seed);
+  WarnedWindow w;
+  w.frame = {pair.geometry.sample_count, pair.geometry.line_count, {pair.pre.begin(), pair.pre.end()}};
+  spoiled(*w.frame);
+  return w;
+}
+
+// Rectified, and the mean over about a period.
+void detect(service::RfFrame& frame) {
+  constexpr std::size_t kPeriod = 6;
+  const std::vector<float> rf = frame.samples;
+  for (std::size_t n = kPeriod; n < rf.size(); ++n) {
+    frame.samples[n] = 0;
+    for (std::size_t k = 0; k < kPeriod; ++k) frame.samples[n] += std::abs(rf[n - k]);
+  }
+}
+
+void turn(service::RfFrame& frame) {
+  const std::vector<float> rf = frame.samples;
+  for (std::size_t n = 0; n < rf.size(); ++n)
+    frame.samples[n / frame.sample_count + frame.line_count * (n % frame.sample_count)] = rf[n];
+  std::swap(frame.sample_count, frame.line_count);
+}
+
 service::KnownModulus told(const Tissue& t, double times) {
   struct Truth {  // which refers to its tissue
     explicit Truth(const Tissue& of) : tissue(of), modulus(tissue) {}
@@ -135,7 +168,10 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
        {ModulusFlag::kRamp, false},
        {ModulusFlag::kOutOfPlane, false},
        {ModulusFlag::kExtent, false},
-       {ModulusFlag::kDeadline, false}},
+       {ModulusFlag::kDeadline, false},
+       {ModulusFlag::kCut, false},
+       {ModulusFlag::kModels, false},
+       {ModulusFlag::kUnstated, false}},
       usual);
   row("noise of the displacement 8 um", {{ModulusFlag::kNoise, true}},
       changed([](WarnedWindow& w) { w.displacement.noise_m = 8e-6; }));
@@ -143,7 +179,7 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
       other([](Tissue& t) { t.solid->support = Support::kSliding; }));
   row("bed of 10 mm, 2 kPa", {{ModulusFlag::kMisfit, false}},
       other([](Tissue& t) { t.solid->support = Support::kBed; }));
-  row("face touches in part, lean 2.5 mm", {{ModulusFlag::kMisfit, true}},
+  row("face touches in part, lean 2.5 mm", {{ModulusFlag::kMisfit, true}, {ModulusFlag::kNoise, false}},
       other([](Tissue& t) { t.solid->lean_m = 0.0025; }));
   row("20 % of the image lost", {{ModulusFlag::kUntracked, true}},
       changed([](WarnedWindow& w) { lose(w, 0.2); }));
@@ -151,7 +187,7 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
       changed([](WarnedWindow& w) { lose(w, 0.05); }));
   constexpr double kRamp = 2;
   row(fmt::format("modulus falls by {} from top to bottom", kRamp),
-      {{ModulusFlag::kRamp, true}, {ModulusFlag::kExtent, false}},
+      {{ModulusFlag::kRamp, true}, {ModulusFlag::kExtent, false}, {ModulusFlag::kNoise, false}},
       other([](Tissue& t) { t.solid->bottom_contrast = 1 / kRamp; }));
   row("spreads sideways by 0.4 of the strain more", {{ModulusFlag::kOutOfPlane, true}},
       changed([](WarnedWindow& w) { spread(w, 0.4); }));
@@ -168,7 +204,17 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   };
   row("force twice what neighbours say", {{ModulusFlag::kScale, true}}, beside(0.5));
   row("gain within 3 % beside neighbours", {{ModulusFlag::kScale, false}}, beside(1));
-  row("no time", {{ModulusFlag::kDeadline, true}}, changed([](WarnedWindow& w) { w.budget.solves = 0; }));
+  row("no time", {{ModulusFlag::kCut, true}, {ModulusFlag::kDeadline, false}},
+      changed([](WarnedWindow& w) { w.budget.solves = 0; }));
+  const auto of_frames = [&](const char* name, std::optional<ModulusFlag> provoked, auto spoil) {
+    std::vector<Claim> claims;
+    for (const ModulusFlag flag : {ModulusFlag::kImage, ModulusFlag::kAxis})
+      claims.push_back({flag, flag == provoked});
+    row(name, claims, [spoil](std::uint64_t seed) { return framed(seed, spoil); });
+  };
+  of_frames("RF, 5 to 30 dB", std::nullopt, [](service::RfFrame&) {});
+  of_frames("envelope for RF", ModulusFlag::kImage, detect);
+  of_frames("lines for samples", ModulusFlag::kAxis, turn);
   const DrawnCase deep{}, shallow{.contrast = 3,
                                   .diameter_m = 0.003,
                                   .strain = 0.01,

@@ -20,6 +20,7 @@ namespace teletact::bench {
 struct WarnedWindow {
   GivenDisplacement displacement;
   std::shared_ptr<const DrawnWindow> plane;  // has what is measured itself; else `displacement`
+  std::optional<service::RfFrame> frame;     // what is asked is whether this is RF: nothing is estimated
   service::TissueExtent tissue;
   std::optional<service::ProbeForce> force;
   service::KnownModulus known;

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "bench/basics/clock.h"
@@ -16,6 +17,7 @@
 #include "bench/run_suite.h"
 #include "bench/suites/warnings/cases.h"
 #include "service/imaging/modulus/judge.h"
+#include "service/imaging/tracking/input_checks.h"
 
 namespace teletact::bench {
 namespace {
@@ -44,10 +46,11 @@ struct JudgedCase {
   std::string name;
   std::uint64_t seed = 0;
   bool refused = false;
-  std::vector<std::string> fired = {};
+  std::vector<std::string> fired = {}, misquoted = {};  // those whose number is not the map's
   double background = kNan, stated = kNan, seconds = kNan;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JudgedCase, name, seed, refused, fired, background, stated, seconds)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JudgedCase, name, seed, refused, fired, misquoted, background, stated,
+                                   seconds)
 struct WarningFigures {
   std::vector<WarningResult> rows;
   std::vector<JudgedCase> cases;
@@ -97,15 +100,33 @@ void print(const WarningResult& r) {
              fmt::format("{:.2f}", r.stated), fmt::format("{:.1f}", r.seconds));
 }
 
+// Whether a warning that says how uncertain the map is says another number than the map's median.
+bool misquotes(const std::string& text, double stated) {
+  constexpr std::string_view kSays = "uncertain by ";
+  const std::size_t at = text.find(kSays);
+  double number = 0;
+  if (at == std::string::npos) return false;
+  const char* const said = text.c_str() + at + kSays.size();
+  if (std::sscanf(said, "a factor of %lf", &number) == 1) return std::abs(std::log(number) - stated) > 0.05;
+  return std::sscanf(said, "%lf %%", &number) != 1 || std::abs(number / 100 - stated) > 0.01;
+}
+
 JudgedCase judged(AfterTracking& estimate, const WarnedWindow& w, const std::string& name,
                   std::uint64_t seed) {
   JudgedCase out{.name = name, .seed = seed};
+  if (w.frame) {
+    if (const auto said = service::contradicted_rf(*w.frame))
+      out.fired.push_back(said->substr(0, said->find(':')));
+    return out;
+  }
   try {
     service::ModulusEstimate e;
     out.seconds = seconds_of([&] { e = estimate(w, seed); });
-    for (const service::ModulusWarning& warning : e.warnings)
-      out.fired.emplace_back(service::name_of(warning.flag));
     out.background = e.background / w.background_pa, out.stated = median_said(e.log_deviation);
+    for (const service::ModulusWarning& warning : e.warnings) {
+      out.fired.emplace_back(service::name_of(warning.flag));
+      if (misquotes(warning.text, out.stated)) out.misquoted.push_back(out.fired.back());
+    }
   } catch (const service::NoCompression&) {
     out.refused = true;
   }
@@ -189,6 +210,9 @@ WarningFigures measure(const WarningOptions& options, Promises& promises) {
     }
     print_others(row, all);
   }
+  std::size_t misquoted = 0;
+  for (const JudgedCase& j : figures.cases) misquoted += !j.misquoted.empty();
+  promises.push_back({"numbers_that_are_not_the_maps", static_cast<double>(misquoted), 0});
   for (const WarningResult& r : figures.rows) {
     if (r.cases < kMinCases) continue;
     const double share = static_cast<double>(r.fired + r.refused) / static_cast<double>(r.cases),

@@ -62,7 +62,7 @@ CellStrains cell_strains(const Measured& m, const CellGrid& cells, double top_m,
     ++nodes[cell];
     if (!m.strain_valid[n]) continue;
     sum[cell] += sign * m.axial_strain[n], ++count[cell];
-    squares[cell] += std::pow(m.axial_strain_std[n], 2);
+    squares[cell] += std::pow(m.axial_strain_noise[n], 2);
   }
   CellStrains out{VectorXd::Zero(size), VectorXd::Zero(size), VectorXd::Zero(size)};
   for (Index c = 0; c < size; ++c) {

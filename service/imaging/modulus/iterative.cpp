@@ -98,7 +98,9 @@ class Iterative : public ModulusMethod {
 
   void publish(const ModulusInput& in, const StripModel& model, ModulusProblem& problem,
                const ModulusProblem::Point& best, ModulusEstimate& out) const {
-    if (!out.converged) out.warn(ModulusFlag::kDeadline, "{}", unsettled(out.iterations, in.budget));
+    if (!out.converged)
+      out.warn(out.iterations < kMaxSteps ? ModulusFlag::kCut : ModulusFlag::kDeadline, "{}",
+               unsettled(out.iterations, in.budget));
     if (out.iterations == 0) {
       out.kind = ModulusKind::kDirect;
       return;

@@ -79,6 +79,13 @@ void widen(Field& log_deviation, double by) {
   for (float& d : log_deviation) d = static_cast<float>(std::hypot(d, by));
 }
 
+// Median over the nodes that say something.
+double typical(const Field& field) {
+  std::vector<float> said;
+  std::ranges::copy_if(field, std::back_inserter(said), [](float v) { return std::isfinite(v); });
+  return said.empty() ? 0 : median(said);
+}
+
 // Over the nodes that say something.
 double mean_square(const Field& field) {
   double squares = 0, said = 0;
@@ -177,15 +184,17 @@ std::vector<double> from_background(const ModulusInput& in, const ModulusEstimat
 // The axial strain's noise; where that is not measured the modulus is a guess: within a factor of two. None
 // of the methods knows what a jump of the modulus is smeared over, and which part of a contrast is kept. One
 // that has found its posterior knows its noise better than the strain does, as long as the strain tells
-// something: else it states its prior. Returns the mean square of what correlates as the method says; the
-// rest is alike all around.
-double deviation(const ModulusInput& in, ModulusEstimate& out) {
+// something: else it states its prior.
+struct OwnDeviation {
+  double mean_square;  // of what correlates as the method says; the rest is alike all around
+  double noise;        // of the strain, over it: median
+};
+OwnDeviation deviation(const ModulusInput& in, ModulusEstimate& out) {
   const Measured& m = in.measured;
   const MethodError error = method_error(out.kind);
   const auto nowhere = std::numeric_limits<float>::quiet_NaN();
   const Field posterior = std::exchange(out.log_deviation, Field(m.grid.size(), nowhere));
-  Field of_model(m.grid.size(), nowhere);
-  std::vector<float> said;
+  Field of_model(m.grid.size(), nowhere), noises = of_model;
   for (std::size_t n = 0; n < m.grid.size(); ++n) {
     if (n % m.grid.nx == 0) check_cancelled();
     if (!std::isfinite(out.youngs_modulus[n])) continue;
@@ -193,29 +202,26 @@ double deviation(const ModulusInput& in, ModulusEstimate& out) {
     const double logarithm = std::log(out.youngs_modulus[n] / out.background);
     const double soft = error.soft * std::clamp(-logarithm / kSoftLog - 1, 0.0, 1.0);
     of_model[n] = static_cast<float>(std::hypot(smeared, error.of_contrast * logarithm, soft));
-    const float noise = m.axial_strain_std[n] / std::abs(m.axial_strain[n]);
+    const float noise = m.axial_strain_noise[n] / std::abs(m.axial_strain[n]);
     const double own = std::isfinite(noise) ? noise : std::log(2.0);
+    noises[n] = static_cast<float>(m.strain_valid[n] ? own : std::log(2.0));
     out.log_deviation[n] = static_cast<float>(std::hypot(own, of_model[n], error.floor));
-    said.push_back(out.log_deviation[n]);
   }
-  const bool telling = said.empty() || median(said) <= kMaxDeviation;
+  const bool telling = typical(out.log_deviation) <= kMaxDeviation;
   const bool solid = out.kind == ModulusKind::kSolid;
   const bool with_posterior = !posterior.empty() && (telling || solid);
   if (with_posterior) {
     // That of a solid also holds what was fitted, and where no strain tells anything.
-    said.clear();
     for (std::size_t n = 0; n < posterior.size(); ++n) {
       const float own = std::hypot(posterior[n], of_model[n]);
       out.log_deviation[n] = telling ? own : std::max(own, out.log_deviation[n]);
-      if (std::isfinite(out.log_deviation[n])) said.push_back(out.log_deviation[n]);
     }
   }
-  if (const float typical = said.empty() ? 0 : median(said); typical > kMaxDeviation)
-    out.warn(ModulusFlag::kNoise,
-             "the modulus is uncertain by {:.0f} % (median): the strain is noisy; press further between the "
-             "frames",
-             100 * typical);
-  return mean_square(with_posterior && telling ? posterior : out.log_deviation);
+  return {mean_square(with_posterior && telling ? posterior : out.log_deviation), typical(noises)};
+}
+
+bool warned(const ModulusEstimate& e, ModulusFlag flag) {
+  return std::ranges::find(e.warnings, flag, &ModulusWarning::flag) != e.warnings.end();
 }
 
 void untracked(const ModulusInput& in, ModulusEstimate& out) {
@@ -248,12 +254,13 @@ void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
   const double nu = in.tissue.poisson_ratio;
   const double expected = out.lateral_ratio.value_or(in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu);
   if (ratio && std::abs(*ratio - expected) > kMaxLateralRatio)
-    out.warn(ModulusFlag::kOutOfPlane,
-             "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it moves "
-             "across the image plane, or nu or the plane condition is another; the modulus is off by a third "
-             "to twofold{}",
-             *ratio, expected,
-             in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID");
+    out.warn(
+        ModulusFlag::kOutOfPlane,
+        "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it gives way "
+        "across the image plane, or nu or the plane condition is another; the modulus is off by a third "
+        "to twofold{}",
+        *ratio, expected,
+        in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID");
 }
 
 // |d log P / d nu| times nu's deviation (T3.4), of which common_deviation() holds what the modulus moves by.
@@ -322,17 +329,63 @@ void extent(const ModulusInput& in, ModulusEstimate& out) {
 // all around: lumps below such a face were, by up to e^4.5. Last: the other flags are of what the method
 // itself states.
 void misfit(ModulusEstimate& out) {
-  const bool misfit = std::ranges::any_of(
-      out.warnings, [](const ModulusWarning& w) { return w.flag == ModulusFlag::kMisfit; });
-  if (misfit && out.kind == ModulusKind::kSolid) widen(out.log_deviation, kMisfitLog);
+  if (warned(out, ModulusFlag::kMisfit) && out.kind == ModulusKind::kSolid)
+    widen(out.log_deviation, kMisfitLog);
+}
+
+// A part of the deviation, and the warning that it belongs to.
+struct Part {
+  ModulusFlag cause;
+  double deviation;
+  bool stated = false;  // by who asks: the deviations of force and tissue
+};
+
+const char* words_of(ModulusFlag cause, bool stated) {
+  if (stated) return ": that is what the stated deviations of force, area and tissue leave open";
+  if (cause == ModulusFlag::kNoise) return ": the strain is noisy; press further between the frames";
+  if (cause == ModulusFlag::kUnstated)
+    return ": that is what the probe's elevation or the tissue's depth, which were not stated, change in it";
+  return ": the strain fits models of the tissue whose modulus differs; state the tissue's size and the face";
+}
+
+// Says how uncertain the map is as a whole, and for each part that is a reason by itself, or the largest,
+// why. What no part accounts for is the noise's where there is as much of it; else, of a solid, the models'.
+void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
+  const double all = typical(out.log_deviation);
+  if (!(all > kMaxDeviation)) return;
+  parts.push_back({ModulusFlag::kModels, out.model_deviation});
+  parts.push_back({ModulusFlag::kUnstated, out.unstated_deviation});
+  parts.push_back({ModulusFlag::kUnstated, out.common_deviation, true});
+  double left = all * all;
+  for (const Part& part : parts) left -= part.deviation * part.deviation;
+  left = std::sqrt(std::max(0.0, left));
+  const bool noisy = out.kind != ModulusKind::kSolid || noise > left / 2;
+  parts.push_back({noisy                            ? ModulusFlag::kNoise
+                   : warned(out, ModulusFlag::kCut) ? ModulusFlag::kCut
+                                                    : ModulusFlag::kModels,
+                   left});
+  const double largest = std::ranges::max(parts, {}, &Part::deviation).deviation;
+  const std::string size = fmt::format(
+      "the modulus is uncertain by {} (median)",
+      all < 1 ? fmt::format("{:.0f} %", 100 * all) : fmt::format("a factor of {:.1f}", std::exp(all)));
+  for (const Part& part : parts) {
+    if (part.deviation < std::min(largest, kMaxDeviation)) continue;
+    const auto said = std::ranges::find(out.warnings, part.cause, &ModulusWarning::flag);
+    if (said == out.warnings.end())
+      out.warn(part.cause, "{}{}", size, words_of(part.cause, part.stated));
+    else if (said->text.find(size) == std::string::npos)
+      said->text += "; " + size;
+  }
 }
 
 }  // namespace
 
 const char* name_of(ModulusFlag flag) {
-  static constexpr const char* kNames[] = {"noise",    "streaks", "untracked",   "ramp",   "out-of-plane",
-                                           "pressure", "extent",  "wrong-force", "misfit", "deadline"};
-  static_assert(std::size(kNames) == static_cast<std::size_t>(ModulusFlag::kDeadline) + 1);
+  static constexpr const char* kNames[] = {"noise",     "streaks", "untracked",   "ramp",   "out-of-plane",
+                                           "pressure",  "extent",  "wrong-force", "misfit", "deadline",
+                                           "elevation", "image",   "axis",        "cut",    "coupling",
+                                           "models",    "unstated"};
+  static_assert(std::size(kNames) == static_cast<std::size_t>(ModulusFlag::kLast) + 1);
   return kNames[static_cast<std::size_t>(flag)];
 }
 
@@ -344,21 +397,28 @@ double correlation_with_common(double length_m, double own, double common) {
 
 void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   out.common_deviation = common_deviation(in, strips, out);
-  const double own = deviation(in, out);
+  const OwnDeviation own = deviation(in, out);
   untracked(in, out);
   ramp(in, out);
   out_of_plane(in, out);
-  pressure(in, strips, out);
-  scale(in, out);
+  std::vector<Part> parts;
+  const auto widened_by = [&](ModulusFlag cause, const auto& step) {
+    const double before = typical(out.log_deviation);
+    step();
+    if (!warned(out, cause)) return;
+    const double after = typical(out.log_deviation);
+    parts.push_back({cause, std::sqrt(std::max(0.0, after * after - before * before))});
+  };
+  widened_by(ModulusFlag::kPressure, [&] { pressure(in, strips, out); });
+  widened_by(ModulusFlag::kScale, [&] { scale(in, out); });
   check_cancelled();
-  extent(in, out);
-  misfit(out);
+  widened_by(ModulusFlag::kExtent, [&] { extent(in, out); });
+  widened_by(ModulusFlag::kMisfit, [&] { misfit(out); });
   widen(out.log_deviation, out.common_deviation);
-  std::vector<float> said;
-  std::ranges::copy_if(out.log_deviation, std::back_inserter(said), [](float d) { return std::isfinite(d); });
-  out.median_deviation = said.empty() ? 0 : median(said);
-  const double common = mean_square(out.log_deviation) - own;
-  if (common > 0) out.correlation_m = correlation_with_common(out.correlation_m, own, common);
+  uncertain(std::move(parts), own.noise, out);
+  out.median_deviation = typical(out.log_deviation);
+  const double common = mean_square(out.log_deviation) - own.mean_square;
+  if (common > 0) out.correlation_m = correlation_with_common(out.correlation_m, own.mean_square, common);
 }
 
 }  // namespace teletact::service

@@ -65,7 +65,15 @@ enum class ModulusFlag {
   kExtent,      // much of the window is no background: its contrast comes back short
   kScale,       // the modulus is another by a factor than the neighbours told: a wrong force
   kMisfit,      // no modulus explains the displacement within its noise
-  kDeadline,    // there was no time for all of its work, or it did not settle
+  kDeadline,    // it did not settle
+  kElevation,   // what is stated of face and depth contradicts the strain
+  kImage,       // the frames do not oscillate: no RF
+  kAxis,        // they oscillate across the stated depth
+  kCut,         // of its plan not all was afforded
+  kCoupling,    // part of the image is no tissue but what couples the probe to it
+  kModels,      // the strain does not tell models of the tissue apart that differ in the modulus
+  kUnstated,    // what was not stated of face and tissue, or not well, leaves the modulus open
+  kLast = kUnstated
 };
 const char* name_of(ModulusFlag);  // in words of the log: "noise", "wrong-force"
 struct ModulusWarning {
@@ -87,6 +95,8 @@ struct ModulusEstimate {
   double start_s = 0;  // of work, that the direct method took where an iteration began with it
   std::vector<ModulusWarning> warnings;
   bool absolute = false;
+  double model_deviation = 0;           // of ln E, common: between models that the strain does not tell apart
+  double unstated_deviation = 0;        // of ln E: by what was not stated of face and tissue
   double background = 0;                // median over the nodes that say something, Pa or 1
   double mean_axial_strain = 0;         // median over the trusted nodes, negative in compression
   std::optional<double> lateral_ratio;  // - eps_xx / eps_yy of the model; else of its plane condition

@@ -69,7 +69,7 @@ double noise_of(const Measured& m) {
   std::vector<float> noise;
   for (std::size_t n = 0; n < m.grid.size(); ++n)
     if (m.strain_valid[n] && m.axial_strain[n] != 0)
-      noise.push_back(m.axial_strain_std[n] / std::abs(m.axial_strain[n]));
+      noise.push_back(m.axial_strain_noise[n] / std::abs(m.axial_strain[n]));
   return noise.empty() ? NAN : median(noise);
 }
 

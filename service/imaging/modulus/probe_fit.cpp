@@ -517,10 +517,10 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
   for (const Model& m : weighed.models)
     if (m.weight > kLeastWeight) mean += m.weight * (found(m) - used);
   out.shift = in_cells(mean);
-  if (weighed.models.size() > 1)
-    for (const Model& m : weighed.models)
-      if (m.weight > kLeastWeight)
-        out.changes.push_back(in_cells(std::sqrt(m.weight) * (found(m) - used - mean)));
+  VectorXd variance = VectorXd::Zero(used.size());
+  for (const Model& m : weighed.models)
+    if (m.weight > kLeastWeight) variance += m.weight * (found(m) - used - mean).cwiseAbs2();
+  out.between = in_cells(variance.cwiseSqrt());
   // And what the likeliest leaves open of itself.
   if (!likeliest.block) {
     std::vector<VectorXd> by{of_modulus(w.by_elevation, w.force_by_elevation),

@@ -121,16 +121,19 @@ class SolidModulusMethod : public ModulusMethod {
       out.model += fmt::format("; slices of it are known from {:.1f} to {:.1f} mm across the image",
                                1e3 * beside.front().offset_m, 1e3 * beside.back().offset_m);
     if (fit.as_usual)
-      out.warn(ModulusFlag::kDeadline,
+      out.warn(ModulusFlag::kCut,
                "the probe's elevation or the tissue's depth was not stated, and there was no time to fit it "
                "({}): it is taken as usual; state it, or give more time",
                in.budget.why_solves);
     if (fit.unweighed)
       out.warn(
-          ModulusFlag::kDeadline,
+          ModulusFlag::kCut,
           "{:.0f} % of the strain is unexplained, and there was no time ({}) to try another depth, tissue "
           "that ends beside the probe, and one that slides; give more time",
           100 * fit.rest, in.budget.why_solves);
+    if (!fit.contradicted.empty())
+      out.warn(ModulusFlag::kElevation, "{}; the modulus is of what the strain shows: check it",
+               fit.contradicted);
     if (fit.rest > kMaxRest)
       out.warn(ModulusFlag::kMisfit,
                "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it looks "
@@ -205,8 +208,8 @@ class SolidModulusMethod : public ModulusMethod {
     }
     out.solves += out.iterations;
     if (!out.converged)
-      out.warn(ModulusFlag::kDeadline, "the modulus of the solid had not settled after {} step(s){}",
-               out.iterations,
+      out.warn(steps < kMaxSteps ? ModulusFlag::kCut : ModulusFlag::kDeadline,
+               "the modulus of the solid had not settled after {} step(s){}", out.iterations,
                steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
                                  : ", the most");
     if (std::abs(tilt) > kMaxUneven)
@@ -232,9 +235,14 @@ class SolidModulusMethod : public ModulusMethod {
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
     double all_own = 0, all_common = 0;
+    const auto typical = [&](const VectorXd& of) { return of.norm() / std::sqrt(static_cast<double>(size)); };
+    out.model_deviation = typical(fit.between);
+    for (const VectorXd& change : fit.changes)
+      out.unstated_deviation = std::hypot(out.unstated_deviation, typical(change));
     for (Index c = 0; c < size; ++c) {
       double own = std::pow(found.deviation[c], 2) + std::pow(one_slice * theta[c], 2),
-             common = fit.common_log * fit.common_log + std::pow(of_tilt * fit.by_tilt[c], 2);
+             common = fit.common_log * fit.common_log + std::pow(of_tilt * fit.by_tilt[c], 2) +
+                      std::pow(fit.between[c], 2);
       if (!out.converged) own += std::pow(kUnsettledLog * moved[c], 2);
       for (const VectorXd& change : fit.changes) common += change[c] * change[c];
       if (observed[c] > 0) all_own += own, all_common += common;

@@ -16,6 +16,37 @@ constexpr double kFrequencyRatio = 1.5;
 constexpr std::size_t kLinesLookedAt = 16;
 constexpr double kMinMotionM = 5e-6;  // of one side over the other: well above what tracking is off by
 
+constexpr std::size_t kPiece = 128, kPieces = 256, kReach = 24;  // of lines, for what oscillates
+// The least of an autocorrelation over its value at 0: echoes have -0.6, an envelope and what lies across
+// lines -0.1.
+constexpr double kNoDip = -0.2, kDip = -0.35;
+constexpr double kSmooth = 0.5;  // autocorrelation of neighbours from which on samples are no noise
+
+struct Autocorrelation {
+  double next = 0, least = 0;  // at a lag of 1; up to kReach
+};
+
+// Along depth, or across the lines; of pieces without their means.
+Autocorrelation autocorrelation(const RfFrame& frame, bool along_depth) {
+  const std::size_t length = along_depth ? frame.sample_count : frame.line_count,
+                    lines = along_depth ? frame.line_count : frame.sample_count,
+                    step = along_depth ? 1 : frame.sample_count,
+                    stride = along_depth ? frame.sample_count : 1, piece = std::min(kPiece, length),
+                    in_line = length / piece, every = std::max<std::size_t>(1, lines * in_line / kPieces);
+  std::vector<double> r(std::min(kReach, piece / 2) + 1), part(piece);
+  for (std::size_t l = 0; l < lines; l += every)
+    for (std::size_t p = 0; p < in_line; ++p) {
+      double mean = 0;
+      for (std::size_t k = 0; k < piece; ++k)
+        mean += part[k] = frame.samples[l * stride + (p * piece + k) * step];
+      for (double& v : part) v -= mean / static_cast<double>(piece);
+      for (std::size_t lag = 0; lag < r.size(); ++lag)
+        for (std::size_t k = lag; k < piece; ++k) r[lag] += part[k] * part[k - lag];
+    }
+  if (!(r[0] > 0)) return {};
+  return {r[1] / r[0], *std::ranges::min_element(r) / r[0]};
+}
+
 // Median magnitude over the trusted nodes of the first (or last) tenth of the rows that have any.
 std::optional<double> motion(const ImageGrid& grid, const Field& axial,
                              const std::vector<std::uint8_t>& trusted, bool last) {
@@ -50,6 +81,19 @@ double mean_frequency(const RfFrame& frame, double sampling_frequency_hz) {
   const double ratio = r2 / r1;  // (2 c^2 - 1) / c with c = cos w, of the sign of r1
   const double c = (ratio + std::copysign(std::sqrt(ratio * ratio + 8), r1)) / 4;
   return std::acos(std::clamp(c, -1.0, 1.0)) / (2 * std::numbers::pi) * sampling_frequency_hz;
+}
+
+std::optional<std::string> contradicted_rf(const RfFrame& pre) {
+  const Autocorrelation depth = autocorrelation(pre, true);
+  if (depth.least < kNoDip) return std::nullopt;
+  if (autocorrelation(pre, false).least < kDip)
+    return "axis: the samples do not oscillate along depth but across the lines: the two dimensions are "
+           "exchanged; send line after line, depth fastest";
+  if (depth.next > kSmooth)
+    return "image: the samples do not oscillate along depth, like those of an envelope or a B-mode image; "
+           "send "
+           "RF, with the phase of its echoes";
+  return std::nullopt;
 }
 
 std::optional<std::string> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry& geometry) {

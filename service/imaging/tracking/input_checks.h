@@ -15,6 +15,10 @@ namespace teletact::service {
 // enter: r2 / r1 = cos 2w / cos w, w = 2 pi f / fs. NaN without signal.
 double mean_frequency(const RfFrame&, double sampling_frequency_hz);
 
+// One line, "image" or "axis" first, when the samples do not oscillate along depth, or do so across the
+// lines.
+std::optional<std::string> contradicted_rf(const RfFrame& pre);
+
 // One line, the field named first, when the centre frequency is not within 2/3 to 3/2 of the mean frequency.
 std::optional<std::string> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry&);
 

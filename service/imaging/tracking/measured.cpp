@@ -25,11 +25,12 @@ StrainEstimator::StrainEstimator(Queue queue, StrainOptions options)
     : queue_(std::move(queue)),
       options_(options),
       kernel_(queue_.kernel("strain", "strain", Precision::kFloat)),
+      rest_(queue_.kernel("strain", "strain_rest", Precision::kFloat)),
       deviation_(queue_.kernel("strain", "strain_deviation", Precision::kFloat)) {}
 
 StrainEstimate StrainEstimator::estimate(const DisplacementEstimate& displacement, const ImageGrid& grid) {
   StrainEstimate out{queue_.array<float>(4 * grid.size()), queue_.array<std::uint8_t>(grid.size()),
-                     queue_.array<float>(3 * grid.size())};
+                     queue_.array<float>(4 * grid.size())};
   // Slopes of the least-squares plane over the kernel (T2.4).
   const int half_columns = half_width(options_.kernel_lateral_m, grid.dx_m),
             half_rows = half_width(options_.kernel_axial_m, grid.dy_m);
@@ -48,16 +49,31 @@ void StrainEstimator::propagate(const DisplacementEstimate& displacement, const 
     return queue_.write(out.std, unknown.data(), unknown.size());
   }
   const NoiseStructure& noise = *displacement.noise;
-  // d u_x / dx, d u_x / dy, d u_y / dx, d u_y / dy
+  // Noise, the noise's part of what strain_rest() sees, and the bias over that; of each d u_x / dx, d u_x /
+  // dy, d u_y / dx, d u_y / dy.
   std::vector<float> tables;
-  for (std::size_t c = 0; c < 2; ++c)
-    for (const bool along : {true, false}) {
-      const double scale = noise.unit_m[c] / (along ? grid.dx_m : grid.dy_m);
-      for (const float d : noise.response[c].table(plane_slope(half_columns, half_rows, along)))
-        tables.push_back(static_cast<float>(scale * d));
-    }
-  deviation_(over(grid.size()), displacement.information, out.tensor, queue_.array(tables), out.std,
-             static_cast<int>(grid.size()), static_cast<float>(noise.response[0].median()),
+  const auto add = [&](bool in_nodes, auto&& table_of) {
+    for (std::size_t c = 0; c < 2; ++c)
+      for (const bool along : {true, false}) {
+        const double scale = in_nodes ? noise.unit_m[c] / (along ? grid.dx_m : grid.dy_m) : 1;
+        for (const float d : table_of(noise.response[c], along))
+          tables.push_back(static_cast<float>(scale * d));
+      }
+  };
+  add(true, [=](const NoiseResponse& r, bool along) {
+    return r.table(plane_slope(half_columns, half_rows, along));
+  });
+  add(true, [=](const NoiseResponse& r, bool along) {
+    return r.table(slope_rest(half_columns, half_rows, along));
+  });
+  add(false, [=](const NoiseResponse& r, bool along) {
+    return r.slope_bias_over_seen(half_columns, half_rows, along);
+  });
+  const int nx = static_cast<int>(grid.nx), ny = static_cast<int>(grid.ny);
+  Array<float> rest = queue_.array<float>(3 * grid.size());
+  rest_(over(grid.size()), out.tensor, out.trusted, rest, nx, ny, half_columns, half_rows);
+  deviation_(over(grid.size()), displacement.information, out.tensor, rest, queue_.array(tables), out.std, nx,
+             ny, half_columns, half_rows, static_cast<float>(noise.response[0].median()),
              static_cast<float>(noise.response[1].median()));
 }
 
@@ -79,9 +95,9 @@ void split(const std::vector<float>& interleaved, std::size_t components, std::i
 double pair_quality(const Measured& m) {
   std::vector<float> magnitude, deviation;
   for (std::size_t n = 0; n < m.strain_valid.size(); ++n) {
-    if (!m.strain_valid[n] || !std::isfinite(m.axial_strain_std[n])) continue;
+    if (!m.strain_valid[n] || !std::isfinite(m.axial_strain_noise[n])) continue;
     magnitude.push_back(std::abs(m.axial_strain[n]));
-    deviation.push_back(m.axial_strain_std[n]);
+    deviation.push_back(m.axial_strain_noise[n]);
   }
   if (magnitude.empty()) return 0;
   const double e = median(magnitude), s = median(deviation), power = e * e + s * s;
@@ -101,7 +117,8 @@ void download(const Queue& queue, const DisplacementEstimate& displacement, Meas
 
 void download(const Queue& queue, const StrainEstimate& strain, Measured& out) {
   split(queue.read(strain.tensor), 4, {&out.lateral_strain, &out.axial_strain, &out.shear_strain});
-  split(queue.read(strain.std), 3, {&out.lateral_strain_std, &out.axial_strain_std, &out.shear_strain_std});
+  split(queue.read(strain.std), 4,
+        {&out.lateral_strain_std, &out.axial_strain_std, &out.shear_strain_std, &out.axial_strain_noise});
   out.strain_valid = queue.read(strain.trusted);
   out.quality = pair_quality(out);
 }

@@ -25,8 +25,9 @@ struct StrainOptions {
 struct StrainEstimate {
   Array<float> tensor;  // 4 per node: eps_xx, eps_yy, eps_xy, rms residual (m); NaN where not determined
   Array<std::uint8_t> trusted;  // displacement trusted, enough of the kernel too, residual within its limit
-  // 3 per node: standard deviations of eps_xx, eps_yy, eps_xy, from those of the displacement and how its
-  // errors hang together between nodes. NaN where the displacement came without any.
+  // 4 per node: standard deviations of eps_xx, eps_yy, eps_xy, from those of the displacement, how its errors
+  // hang together between nodes, and the kernel's own bias; that of eps_yy without the bias. NaN where the
+  // displacement came without any.
   Array<float> std = {};
 };
 
@@ -40,7 +41,7 @@ class StrainEstimator {
                  StrainEstimate&);
   Queue queue_;
   StrainOptions options_;
-  Kernel kernel_, deviation_;
+  Kernel kernel_, rest_, deviation_;
 };
 
 // The pair cannot be tracked; what() says why and what to do.
@@ -60,10 +61,11 @@ struct Measured {
   Field axial_strain, lateral_strain, shear_strain;        // tensor components; NaN where not determined
   Field axial_strain_std, lateral_strain_std,
       shear_strain_std;                    // standard deviations; NaN where the strain is
+  Field axial_strain_noise;                // without the bias of the kernel, which a model of it shares
   std::vector<std::uint8_t> strain_valid;  // displacement and strain trusted
   double median_correlation = 0;           // of the textured nodes
   // The part of the nodes whose strain can be used, times 1 / (1 + (s / e)^2) with the medians over them of
-  // the strain's standard deviation s and magnitude e. 1: all tracked, strain far above its noise; one half:
+  // the strain's noise s and magnitude e. 1: all tracked, strain far above its noise; one half:
   // strain as large as its noise, or half of the nodes lost. 0 without any usable node.
   double quality = 0;
 };

@@ -34,6 +34,31 @@ double box(int radius, double k) {
   return sum / (2 * radius + 1);
 }
 
+// Of a least-squares plane, over i.
+double slope(int half_columns, int half_rows, bool along, double a, double d) {
+  const int half = along ? half_columns : half_rows;
+  const double k = along ? a : d;
+  double moment = 0, squares = 0;
+  for (int n = 1; n <= half; ++n) {
+    moment += 2 * n * std::sin(n * k);
+    squares += 2.0 * n * n;
+  }
+  return moment / squares * (along ? box(half_rows, d) : box(half_columns, a));
+}
+
+// What is left of it where its mean by a plane's weights is taken off.
+double rest(int half_columns, int half_rows, bool along, double a, double d) {
+  const int half = along ? half_columns : half_rows;
+  const double k = along ? a : d;
+  double sum = 0, weights = 0;
+  for (int n = -half; n <= half; ++n) {
+    const double weight = half * (half + 1) - n * n;
+    sum += weight * std::cos(n * k), weights += weight;
+  }
+  return slope(half_columns, half_rows, along, a, d) *
+         (1 - sum / weights * (along ? box(half_rows, d) : box(half_columns, a)));
+}
+
 template <class Function>
 std::vector<double> over_waves(const Function& f) {
   std::vector<double> values;
@@ -115,17 +140,37 @@ DeviationTable NoiseResponse::bias_over_seen(int radius) const {
   return table;
 }
 
-Response plane_slope(int half_columns, int half_rows, bool along) {
-  return [=](double a, double d) {
-    const int half = along ? half_columns : half_rows;
-    const double k = along ? a : d, other = along ? box(half_rows, d) : box(half_columns, a);
-    double moment = 0, squares = 0;
-    for (int n = 1; n <= half; ++n) {
-      moment += 2 * n * std::sin(n * k);
-      squares += 2.0 * n * n;
-    }
-    return std::pow(moment / squares * other, 2);
+DeviationTable NoiseResponse::slope_bias_over_seen(int half_columns, int half_rows, bool along) const {
+  DeviationTable table{};
+  struct Wave {
+    double jump, true_slope, slope, rest;
   };
+  std::vector<Wave> waves;
+  for (int j = 0; j < kWaves; ++j)
+    for (int i = 0; i < kWaves; ++i) {
+      const double a = wave(i), d = wave(j);
+      waves.push_back({std::pow(std::hypot(a, d), -5), along ? a : d,
+                       slope(half_columns, half_rows, along, a, d),
+                       rest(half_columns, half_rows, along, a, d)});
+    }
+  for (std::size_t entry = 0; entry * waves.size() < lost_.size(); ++entry) {
+    double off = 0, seen = 0;
+    for (std::size_t n = 0; n < waves.size(); ++n) {
+      const Wave& w = waves[n];
+      const double t = 1 - lost_[entry * waves.size() + n];
+      off += w.jump * std::pow(w.true_slope - w.slope * t, 2), seen += w.jump * std::pow(w.rest * t, 2);
+    }
+    table[entry] = static_cast<float>(seen > 0 ? std::sqrt(off / seen) : 0);
+  }
+  return table;
+}
+
+Response plane_slope(int half_columns, int half_rows, bool along) {
+  return [=](double a, double d) { return std::pow(slope(half_columns, half_rows, along, a, d), 2); };
+}
+
+Response slope_rest(int half_columns, int half_rows, bool along) {
+  return [=](double a, double d) { return std::pow(rest(half_columns, half_rows, along, a, d), 2); };
 }
 
 namespace {

@@ -45,6 +45,8 @@ class NoiseResponse {
   // square for a jump of strain across a curve (power of the displacement ~ k^-5). Zeros without edges.
   DeviationTable bias_noise(int radius) const;
   DeviationTable bias_over_seen(int radius) const;
+  // The same of a slope: what it is off by for such a jump, smoothing included, over what slope_rest() sees.
+  DeviationTable slope_bias_over_seen(int half_columns, int half_rows, bool along) const;
   double median() const { return median_; }
 
  private:
@@ -56,6 +58,9 @@ class NoiseResponse {
 // Squared response of the slopes that a least-squares plane over (2 half_columns + 1) x (2 half_rows + 1)
 // nodes finds: along = true d/di, else d/dj, per node step.
 Response plane_slope(int half_columns, int half_rows, bool along);
+// Of such a slope less its own mean over that kernel, a parabola along it and a box across, as the plane
+// weighs the slopes within (T2.4).
+Response slope_rest(int half_columns, int half_rows, bool along);
 
 // r(lag, lateral) per pixel, [lateral][lag], axial lags 0 .. lags - 1, lateral lags 0 .. laterals - 1.
 struct Autocorrelations {

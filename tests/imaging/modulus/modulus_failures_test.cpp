@@ -44,6 +44,45 @@ TEST_P(Failures, NoiseIsFlaggedAndTheDeviationGrowsWithIt) {
   EXPECT_GE(typical(b.log_deviation), 5 * typical(a.log_deviation));
 }
 
+// What makes a modulus uncertain without noise is no reason to press further: the part of the deviation that
+// is the largest is named, with the number of the map.
+TEST(Doubt, NamesTheCauseAndTheNumberOfTheMap) {
+  Phantom phantom({});
+  const ModulusInput in = phantom.input();
+  StripCache strips;
+  ModulusEstimate found;
+  found.kind = ModulusKind::kSolid, found.background = Phantom::kBackgroundPa;
+  found.youngs_modulus.assign(in.measured.grid.size(), Phantom::kBackgroundPa);
+  const auto judged = [&](double own, auto change) {
+    ModulusEstimate e = found;
+    change(e);
+    const double all = std::sqrt(own * own + e.model_deviation * e.model_deviation +
+                                 e.unstated_deviation * e.unstated_deviation);
+    e.log_deviation.assign(e.youngs_modulus.size(), static_cast<float>(all));
+    judge(in, strips, e);
+    return e;
+  };
+  const auto expect = [&](const ModulusEstimate& e, std::vector<ModulusFlag> flags, const char* number) {
+    for (const ModulusFlag flag :
+         {ModulusFlag::kNoise, ModulusFlag::kModels, ModulusFlag::kUnstated, ModulusFlag::kCut}) {
+      const auto warning = std::ranges::find(e.warnings, flag, &ModulusWarning::flag);
+      const bool said = warning != e.warnings.end();
+      EXPECT_EQ(said, std::ranges::count(flags, flag) > 0) << name_of(flag);
+      if (said) {
+        EXPECT_NE(warning->text.find(number), std::string::npos) << warning->text;
+      }
+    }
+  };
+  expect(judged(0.1, [](auto&) {}), {}, "");
+  expect(judged(0.1, [](auto& e) { e.model_deviation = 0.4; }), {ModulusFlag::kModels}, " 41 %");
+  expect(judged(0.1, [](auto& e) { e.unstated_deviation = 0.4; }), {ModulusFlag::kUnstated}, " 41 %");
+  expect(judged(0, [](auto& e) { e.unstated_deviation = e.model_deviation = 0.7; }),
+         {ModulusFlag::kUnstated, ModulusFlag::kModels}, " 99 %");
+  expect(judged(0.4, [](auto&) {}), {ModulusFlag::kModels}, " 40 %");  // a solid's own, without noise
+  expect(judged(0.4, [](auto& e) { e.warn(ModulusFlag::kCut, "no time"); }), {ModulusFlag::kCut}, " 40 %");
+  expect(judged(0.4, [](auto& e) { e.kind = ModulusKind::kIterative; }), {ModulusFlag::kNoise}, " 40 %");
+}
+
 // Areas of low correlation must not become soft tissue: nothing is said there, and it is told.
 TEST_P(Failures, UntrackedAreasSayNothing) {
   Phantom phantom({});

@@ -200,7 +200,7 @@ TEST(Iterative, TakesTheStepsItHasAndSaysSo) {
     ModulusInput in = phantom.input();
     in.budget.steps = steps, in.budget.why_steps = "0.10 s are left";
     const ModulusEstimate e = method->estimate(in);
-    const auto warned = std::ranges::find(e.warnings, ModulusFlag::kDeadline, &ModulusWarning::flag);
+    const auto warned = std::ranges::find(e.warnings, ModulusFlag::kCut, &ModulusWarning::flag);
     const bool all = steps == ModulusBudget::kAll;
     EXPECT_EQ(warned == e.warnings.end(), all) << steps;
     EXPECT_EQ(e.converged, all) << steps;
