@@ -8,7 +8,7 @@
 //   2. search of a quarter period axially and of half of kLateralSearchM around that, 1 mm x 1 mm nodes;
 //   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid, regularised over the
 //      whole image (T2.3, refinement.h).
-// What holds no echo in both frames (echoes.h) counts as what lies outside of them. Between the levels
+// What holds no echo in either frame (echoes.h) counts as what lies outside of them. Between the levels
 // outliers give way to the median of their neighbours. The last step runs on frames passed through the
 // matched filter of noise_model.h.
 #pragma once
@@ -50,7 +50,7 @@ struct DisplacementEstimate {
   Array<float> std_m = {};        // standard deviation, 2 per node: lateral, axial
   Array<float> information = {};  // 2 per node, of the place: what `noise` turns into standard deviations
   std::shared_ptr<const NoiseStructure> noise = nullptr;
-  std::shared_ptr<const Echoes> echoes = nullptr;
+  std::shared_ptr<const Echoes> echoes = nullptr;  // of pre
   // The last step whose linear system was not solved: the field is then not the best that the pair gives, and
   // its deviation too small. Empty: all were.
   std::optional<PcgResult> unsolved = {};

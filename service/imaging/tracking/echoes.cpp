@@ -80,18 +80,16 @@ std::vector<bool> silent_lines(const std::vector<float>& power, std::size_t line
 
 }  // namespace
 
-Echoes find_echoes(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry) {
-  const std::size_t lines = pre.line_count, samples = pre.sample_count;
-  const double own_hz = mean_frequency(pre, geometry.sampling_frequency_hz),
+Echoes find_echoes(const RfFrame& frame, const AcquisitionGeometry& geometry) {
+  const std::size_t lines = frame.line_count, samples = frame.sample_count;
+  const double own_hz = mean_frequency(frame, geometry.sampling_frequency_hz),
                hz = own_hz > 0 ? own_hz : geometry.center_frequency_hz;
   const auto half = static_cast<std::size_t>(
       std::clamp(std::lround(geometry.sampling_frequency_hz / hz / 2), 1L, static_cast<long>(samples / 4)));
   Echoes out;
   out.step = std::max(kMinStep, whole_steps(kRowM, geometry.sample_pitch_m()));
   out.rows = static_cast<int>(samples) / out.step;
-  out.power = power_of(pre, half, static_cast<std::size_t>(out.step));
-  const std::vector<float> later = power_of(post, half, static_cast<std::size_t>(out.step));
-  for (std::size_t n = 0; n < later.size(); ++n) out.power[n] = std::min(out.power[n], later[n]);
+  out.power = power_of(frame, half, static_cast<std::size_t>(out.step));
 
   const auto rows = static_cast<std::size_t>(out.rows);
   const std::vector<bool> silent = silent_lines(out.power, lines);
@@ -139,19 +137,20 @@ std::vector<int> bright_rows(const Echoes& echoes) {
   return bright;
 }
 
-std::vector<std::uint8_t> nodes_in_echoes(const Echoes& echoes, const SampleGrid& g, int samples,
-                                          int half_lines, int half_samples) {
-  const int lines = static_cast<int>(echoes.lines.size());
-  std::vector<std::uint8_t> inside;
-  for (int node = 0; node < g.nodes(); ++node) {
-    const int line = g.first_line + node % g.nx * g.line_step,
-              sample = g.first_sample + node / g.nx * g.sample_step;
-    const int begin = std::max(sample - half_samples, 0), end = std::min(sample + half_samples + 1, samples);
-    const auto holds = [&](const EchoSpan& s) { return s.first <= begin && end <= s.end; };
-    inside.push_back(std::all_of(echoes.lines.begin() + std::max(line - half_lines, 0),
-                                 echoes.lines.begin() + std::min(line + half_lines + 1, lines), holds));
+std::vector<EchoSpan> away_from_silence(const std::vector<EchoSpan>& lines, int samples, int half_lines,
+                                        int half_samples) {
+  const auto count = static_cast<int>(lines.size());
+  std::vector<EchoSpan> out;
+  for (int l = 0; l < count; ++l) {
+    EchoSpan span{0, samples};
+    for (int n = std::max(l - half_lines, 0); n <= std::min(l + half_lines, count - 1); ++n) {
+      const EchoSpan& heard = lines[static_cast<std::size_t>(n)];
+      if (heard.first > 0) span.first = std::max(span.first, heard.first + half_samples);
+      if (heard.end < samples) span.end = std::min(span.end, heard.end - half_samples);
+    }
+    out.push_back(span);
   }
-  return inside;
+  return out;
 }
 
 }  // namespace teletact::service

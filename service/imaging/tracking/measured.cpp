@@ -85,7 +85,9 @@ double pair_quality(const Measured& m) {
   }
   if (magnitude.empty()) return 0;
   const double e = median(magnitude), s = median(deviation), power = e * e + s * s;
-  const double usable = static_cast<double>(magnitude.size()) / static_cast<double>(m.strain_valid.size());
+  std::size_t tissue = 0;
+  for (std::size_t n = 0; n < m.grid.size(); ++n) tissue += m.grid.y_m(n) >= m.coupling_m;
+  const double usable = static_cast<double>(magnitude.size()) / static_cast<double>(tissue);
   return power > 0 ? usable * e * e / power : 0;
 }
 
