@@ -98,14 +98,15 @@ float8 axial_along(__global const float2* restrict field, const int nx, const in
 // which are at least 8 samples apart; its lateral part is taken at the middle of each run of WARP_RUN
 // samples. By a windowed sinc both ways: `taps` (`phases` + 1 rows of 8, row p for a fraction p / phases)
 // across the lines, `series` along them. Writes either the warped frame (pair = 0), or the mean of pre and
-// warped post to `a` and their difference pre - warped to `b`, both zero where x + u lies outside the frame
-// (pair = 1); behind a line's end zeros. One item per run of a line: first the run's strip of post,
-// interpolated laterally, then its samples, eight at a time; per sample 4 vector loads, ~15 vector flops.
-// |strain| <= 0.2 axially. Reads 3 lines before the frame and 4 behind it at most: of a line outside,
-// whatever stands nearest, which is not used.
+// warped post to `a` and their difference pre - warped to `b`, both zero where x or x + u lies outside of its
+// line's span of echoes (pair = 1); behind a line's end zeros. One item per run of a line: first the run's
+// strip of post, interpolated laterally, then its samples, eight at a time; per sample 4 vector loads, ~15
+// vector flops. |strain| <= 0.2 axially. Reads 3 lines before the frame and 4 behind it at most: of a line
+// outside, whatever stands nearest, which is not used.
 #define STRIP (WARP_RUN + 16)
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     __global const float* restrict pre, __global const float* restrict post,
+    __global const int2* restrict pre_spans, __global const int2* restrict post_spans,
     __global const float2* restrict field, __global const float* restrict taps,
     __global const float* restrict series, __global float* restrict a, __global float* restrict b,
     const int pair, const int phases, const int line_count, const int sample_count, const Nodes g,
@@ -120,6 +121,8 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
   const float x = (float)l + shift.x, whole_x = floor(x);
   const int line = (int)whole_x, first = start + (int)floor(shift.y) - 7;
   const bool inside = line >= 0 && line < line_count && first + STRIP > 0 && first < sample_count;
+  const float2 own_span = convert_float2(pre_spans[l]),
+               span = convert_float2(post_spans[clamp(line, 0, line_count - 1)]);
   float strip[STRIP];
   float8 sums[STRIP / 8];
   const float8 across = taps_at(taps, x - whole_x, phases);
@@ -144,8 +147,8 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
     const float8 t = u - (float8)((float4)(lo), (float4)(hi)), at = samples + u;
     const int8 in_strip = (int8)((int4)(from_lo >= 4 && from_lo <= STRIP - 8 ? -1 : 0),
                                  (int4)(from_hi >= 4 && from_hi <= STRIP - 8 ? -1 : 0));
-    const int8 seen = (inside ? in_strip : 0) & (at >= 0.0f) & (at < (float)sample_count) &
-                      (samples < (float)sample_count) & (fabs(t) <= INTERPOLATION_RANGE);
+    const int8 seen = (inside ? in_strip : 0) & (at >= span.x) & (at < span.y) & (samples >= own_span.x) &
+                      (samples < own_span.y) & (fabs(t) <= INTERPOLATION_RANGE);
     const float8 there = between_samples(strip + clamp(from_lo, 4, STRIP - 8),
                                          strip + clamp(from_hi, 4, STRIP - 8), t, series);
     const float8 value = select((float8)(0.0f), there, seen);
@@ -266,14 +269,22 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void resample(
 }
 
 // What the image grid reports: displacement in metres and whether it can be trusted: correlation and
-// deviation from the median (samples) within their limits.
+// deviation from the median (samples) within their limits, inside of its line's span before and after the
+// motion.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void report(
     __global const float2* restrict field, __global const float* restrict correlation,
-    __global const float* restrict deviation, __global float2* restrict field_m,
-    __global uchar* restrict trusted, const int nodes, const float line_pitch_m, const float sample_pitch_m,
-    const float threshold, const float axial_tolerance) {
+    __global const float* restrict deviation, __global const int2* restrict pre_spans,
+    __global const int2* restrict post_spans, __global float2* restrict field_m,
+    __global uchar* restrict trusted, const Nodes g, const int line_count, const float line_pitch_m,
+    const float sample_pitch_m, const float threshold, const float axial_tolerance) {
   const int node = get_global_id(0);
-  if (node >= nodes) return;
+  if (node >= g.nx * g.ny) return;
+  const int line = line_of(g, node), sample = sample_of(g, node);
+  const float2 at = (float2)((float)line, (float)sample) + field[node];
+  const int2 before = pre_spans[line];
+  const float2 after = convert_float2(post_spans[clamp((int)rint(at.x), 0, line_count - 1)]);
+  const bool inside = sample >= before.x && sample < before.y && at.x >= -0.5f &&
+                      at.x < (float)line_count - 0.5f && at.y >= after.x && at.y < after.y;
   field_m[node] = field[node] * (float2)(line_pitch_m, sample_pitch_m);
-  trusted[node] = correlation[node] >= threshold && deviation[node] <= axial_tolerance ? 1 : 0;
+  trusted[node] = correlation[node] >= threshold && deviation[node] <= axial_tolerance && inside ? 1 : 0;
 }

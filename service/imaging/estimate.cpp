@@ -71,6 +71,16 @@ HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in) {
           static_cast<std::uint64_t>(nodes * kRead * sizeof(float) + direct * sizeof(double))};
 }
 
+// Depths from a surface that lies so deep in the image.
+void place_below(double surface_m, ModulusInput& input) {
+  const auto from_surface = [surface_m](std::function<double(double, double)>& of) {
+    if (of) of = [of, surface_m](double x_m, double y_m) { return of(x_m, y_m + surface_m); };
+  };
+  input.tissue.depth_m -= surface_m;
+  from_surface(input.known.modulus_pa), from_surface(input.known.log_deviation);
+  for (SliceBeside& slice : input.beside) from_surface(slice.modulus_pa);
+}
+
 // The modulus is NaN exactly where nothing is said.
 void mark_valid(Estimate& e) {
   e.valid.resize(e.grid.size());
@@ -214,17 +224,27 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
 
   const StrainEstimate strained = strain_.estimate(tracked, e.grid);  // T2.4
   download(queue_, strained, e);
+  leave_out_coupling(*tracked.echoes, in.geometry, strain_.options(), e);
+  if (e.coupling_m > 0)
+    e.input_warnings.push_back(fmt::format(
+        "coupling: the upper {:.1f} mm of the image are no tissue: they hardly strain, and end at a bright "
+        "line; the tissue is taken to begin there, and nothing is said above it",
+        1e3 * e.coupling_m));
   ended(Stage::kStrain, e.strain_s);
 
-  const ModulusInput input{.measured = e,
-                           .window_width_m = static_cast<double>(pre.line_count) * in.geometry.line_pitch_m,
-                           .tissue = in.tissue,
-                           .force = in.force,
-                           .known = in.known,
-                           .beside = in.beside,
-                           .sound_speed_deviation = in.sound_speed_deviation};
+  // Depths of the tissue are told from its own surface.
+  const double first_m = e.grid.origin_y_m;
+  e.grid.origin_y_m -= e.coupling_m;
+  ModulusInput input{.measured = e,
+                     .window_width_m = static_cast<double>(pre.line_count) * in.geometry.line_pitch_m,
+                     .tissue = in.tissue,
+                     .force = in.force,
+                     .known = in.known,
+                     .beside = in.beside};
+  if (e.coupling_m > 0) place_below(e.coupling_m, input);
   e.modulus = find_modulus(input, in.modulus);  // T3.1 to T3.3, T3.6, T3.8
   judge(input, *strips_, e.modulus);            // T3.4
+  e.grid.origin_y_m = first_m;
   mark_valid(e);
   ended(Stage::kModulus, e.modulus_s);
   return e;

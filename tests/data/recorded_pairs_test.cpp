@@ -209,6 +209,9 @@ TEST(PhantomS2000, IsTakenForABlockWithoutARamp) {
       Elastography(Device::open())
           .estimate(pair.pre, pair.post, {pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
   EXPECT_EQ(e.modulus.model.find("a block"), 0u) << e.modulus.model;
+  for (std::size_t n = 0; n < e.grid.size(); ++n) EXPECT_FALSE(e.valid[n] && y_of(e, n) < 0.0058) << n;
+  ASSERT_FALSE(e.input_warnings.empty());
+  EXPECT_EQ(e.input_warnings.back().find("coupling: "), 0u) << e.input_warnings.back();
   const auto typical = [](std::vector<double> values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());

@@ -228,7 +228,7 @@ void untracked(const ModulusInput& in, ModulusEstimate& out) {
   const std::vector<std::uint8_t>& trusted = in.measured.displacement_valid;
   double inside = 0, without = 0;
   for (std::size_t n = 0; n < trusted.size(); ++n) {
-    if (in.measured.grid.y_m(n) > in.tissue.depth_m) continue;
+    if (const double y_m = in.measured.grid.y_m(n); y_m < 0 || y_m > in.tissue.depth_m) continue;
     ++inside;
     if (!trusted[n]) ++without;
   }

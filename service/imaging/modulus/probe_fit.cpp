@@ -76,7 +76,7 @@ double top_of(const Measured& m) {
     for (std::size_t i = 0; i < m.grid.nx; ++i) tracked += m.strain_valid[i + m.grid.nx * j];
     if (2 * tracked < m.grid.nx) continue;
     const double y_m = m.grid.y_m(m.grid.nx * j);
-    return y_m - m.grid.origin_y_m < kStandoffM ? 0 : y_m - kTrackedFromM;
+    return y_m - std::max(m.grid.origin_y_m, 0.0) < kStandoffM ? 0 : y_m - kTrackedFromM;
   }
   throw NoCompression("no depth of the image was tracked over half of its width; press further");
 }

@@ -17,6 +17,8 @@ namespace {
 constexpr int kWarpRun = 16;                          // WARP_RUN of displacement.cl
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
 constexpr int kRefinements = 3;                       // Gauss-Newton steps, each with its own warp
+// From what holds no echo: half of the strain's kernel.
+constexpr double kEchoesAxialM = 1.25e-3, kEchoesLateralM = 1e-3;
 constexpr double kOutlierDistanceM = 12e-6;  // from the median of the neighbours' corrections, axially
 
 double checked(double max_strain) {
@@ -62,6 +64,8 @@ struct DisplacementEstimator::Workspace {
   Array<float> taps, series;                // of interpolation
   Array<float> field, candidate, filtered;  // 2 per node of the largest grid
   Array<float> deviation;                   // 1 per node
+  // 1 per line: where it holds echoes, and where it does so all about.
+  Array<EchoSpan> pre_spans, post_spans, pre_inner, post_inner;
   std::unique_ptr<Search> search;
   std::unique_ptr<Refinement> refinement;
   DisplacementEstimate found;  // on the image grid; correlation is that of every level
@@ -94,6 +98,8 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const Displaceme
   for (Array<float>* array : {&found.field_m, &found.std_m, &found.information})
     *array = q.array<float>(2 * image_nodes);
   found.trusted = q.array<std::uint8_t>(image_nodes);
+  for (Array<EchoSpan>* spans : {&pre_spans, &post_spans, &pre_inner, &post_inner})
+    *spans = q.array<EchoSpan>(static_cast<std::size_t>(plan.lines));
   refinement =
       std::make_unique<Refinement>(q, o.refinement, found.grid, plan.line_pitch_m, plan.sample_pitch_m);
 }
@@ -174,17 +180,17 @@ void DisplacementEstimator::refine() {
                             g.nx, g.ny, 2, threshold, 0.25f, tolerance);
   }
   found.noise = w.refinement->uncertainty(w.filtered, kRefinements, found.information, found.std_m);
-  kernels_->report(over(g.nodes()), w.filtered, found.correlation, w.deviation, found.field_m, found.trusted,
-                   g.nodes(), static_cast<float>(w.plan.line_pitch_m),
+  kernels_->report(over(g.nodes()), w.filtered, found.correlation, w.deviation, w.pre_inner, w.post_inner,
+                   found.field_m, found.trusted, g, w.plan.lines, static_cast<float>(w.plan.line_pitch_m),
                    static_cast<float>(w.plan.sample_pitch_m), threshold, tolerance);
 }
 
 void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {
   Workspace& w = *work_;
   const Workspace::Frames& frames = w.matched ? w.filtered_frames : w.frames;
-  kernels_->warp(over_samples(kWarpRun), frames.pre, frames.post, w.field, w.taps, w.series, w.mean,
-                 w.difference, pair ? 1 : 0, kInterpolationPhases, w.plan.lines, w.plan.samples, g,
-                 w.pad.layout);
+  kernels_->warp(over_samples(kWarpRun), frames.pre, frames.post, w.pre_spans, w.post_spans, w.field, w.taps,
+                 w.series, w.mean, w.difference, pair ? 1 : 0, kInterpolationPhases, w.plan.lines,
+                 w.plan.samples, g, w.pad.layout);
 }
 
 void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
@@ -211,8 +217,19 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
     work_ = std::move(work);
   }
   Workspace& w = *work_;
-  queue_.write(w.frames.pre, padded(pre, w.pad).data(), w.pad.total);
-  queue_.write(w.frames.post, padded(post, w.pad).data(), w.pad.total);
+  const auto load = [&](const RfFrame& frame, Array<float>& image, Array<EchoSpan>& spans,
+                        Array<EchoSpan>& inner) {
+    Echoes echoes = find_echoes(frame, geometry);
+    queue_.write(image, padded(frame, w.pad, echoes.lines).data(), w.pad.total);
+    queue_.write(spans, echoes.lines.data(), echoes.lines.size());
+    const std::vector<EchoSpan> away =
+        away_from_silence(echoes.lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
+                          half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
+    queue_.write(inner, away.data(), away.size());
+    return echoes;
+  };
+  w.found.echoes = std::make_shared<const Echoes>(load(pre, w.frames.pre, w.pre_spans, w.pre_inner));
+  load(post, w.frames.post, w.post_spans, w.post_inner);
   w.matched = false;
   search();
   check_cancelled();

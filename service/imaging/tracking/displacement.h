@@ -8,8 +8,9 @@
 //   2. search of a quarter period axially and of half of kLateralSearchM around that, 1 mm x 1 mm nodes;
 //   3. Gauss-Newton on interpolated RF, axial and lateral together, on the image grid, regularised over the
 //      whole image (T2.3, refinement.h).
-// Between the levels outliers give way to the median of their neighbours. The last step runs on frames passed
-// through the matched filter of noise_model.h.
+// What holds no echo in either frame (echoes.h) counts as what lies outside of them. Between the levels
+// outliers give way to the median of their neighbours. The last step runs on frames passed through the
+// matched filter of noise_model.h.
 #pragma once
 
 #include <memory>
@@ -17,6 +18,7 @@
 
 #include "service/base/choices.h"
 #include "service/device/device.h"
+#include "service/imaging/tracking/echoes.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/imaging/tracking/refinement.h"
 #include "service/imaging/tracking/sample_grid.h"
@@ -40,12 +42,15 @@ struct DisplacementOptions {
 // On the device, index i + nx j.
 struct DisplacementEstimate {
   SampleGrid grid;
-  Array<float> field_m;           // 2 per node: lateral, axial
-  Array<float> correlation;       // of pre and motion-compensated post, -1 .. 1; -2: no texture
-  Array<std::uint8_t> trusted;    // correlation and deviation from the neighbours within their limits
+  Array<float> field_m;      // 2 per node: lateral, axial
+  Array<float> correlation;  // of pre and motion-compensated post, -1 .. 1; -2: no texture
+  // Correlation and deviation from the neighbours within their limits, echoes all about, and inside of the
+  // frame and what holds echoes after the motion too.
+  Array<std::uint8_t> trusted;
   Array<float> std_m = {};        // standard deviation, 2 per node: lateral, axial
   Array<float> information = {};  // 2 per node, of the place: what `noise` turns into standard deviations
   std::shared_ptr<const NoiseStructure> noise = nullptr;
+  std::shared_ptr<const Echoes> echoes = nullptr;  // of pre
   // The last step whose linear system was not solved: the field is then not the best that the pair gives, and
   // its deviation too small. Empty: all were.
   std::optional<PcgResult> unsolved = {};

@@ -101,7 +101,9 @@ double pair_quality(const Measured& m) {
   }
   if (magnitude.empty()) return 0;
   const double e = median(magnitude), s = median(deviation), power = e * e + s * s;
-  const double usable = static_cast<double>(magnitude.size()) / static_cast<double>(m.strain_valid.size());
+  std::size_t tissue = 0;
+  for (std::size_t n = 0; n < m.grid.size(); ++n) tissue += m.grid.y_m(n) >= m.coupling_m;
+  const double usable = static_cast<double>(magnitude.size()) / static_cast<double>(tissue);
   return power > 0 ? usable * e * e / power : 0;
 }
 
@@ -121,6 +123,30 @@ void download(const Queue& queue, const StrainEstimate& strain, Measured& out) {
         {&out.lateral_strain_std, &out.axial_strain_std, &out.shear_strain_std, &out.axial_strain_noise});
   out.strain_valid = queue.read(strain.trusted);
   out.quality = pair_quality(out);
+}
+
+void leave_out_coupling(const Echoes& echoes, const AcquisitionGeometry& geometry,
+                        const StrainOptions& strain, Measured& m) {
+  constexpr double kStill = 0.25;  // of the strain below
+  const double row_m = echoes.step * geometry.sample_pitch_m(), half_m = strain.kernel_axial_m / 2;
+  const auto strains = [&](double from_m, double to_m) {
+    std::vector<float> values;
+    for (std::size_t n = 0; n < m.grid.size(); ++n)
+      if (m.strain_valid[n] && m.grid.y_m(n) >= from_m && m.grid.y_m(n) < to_m)
+        values.push_back(m.axial_strain[n]);
+    return values;
+  };
+  const std::vector<int> bright = bright_rows(echoes);
+  for (auto row = bright.rbegin(); row != bright.rend() && m.coupling_m == 0; ++row) {
+    const double surface_m = geometry.first_sample_depth_m + *row * row_m;
+    std::vector<float> above = strains(0, surface_m - half_m), below = strains(surface_m + half_m, HUGE_VAL);
+    if (!below.empty() && std::abs(median(above)) < kStill * std::abs(median(below)))
+      m.coupling_m = surface_m;
+  }
+  if (m.coupling_m == 0) return;
+  for (std::size_t n = 0; n < m.grid.size(); ++n)
+    if (m.grid.y_m(n) < m.coupling_m + 2 * half_m) m.displacement_valid[n] = m.strain_valid[n] = 0;
+  m.quality = pair_quality(m);
 }
 
 double median_correlation(const Field& correlation) {

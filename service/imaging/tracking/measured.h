@@ -35,6 +35,7 @@ class StrainEstimator {
  public:
   StrainEstimator(Queue, StrainOptions);
   StrainEstimate estimate(const DisplacementEstimate&, const ImageGrid&);
+  const StrainOptions& options() const { return options_; }
 
  private:
   void propagate(const DisplacementEstimate&, const ImageGrid&, int half_columns, int half_rows,
@@ -63,6 +64,7 @@ struct Measured {
       shear_strain_std;                    // standard deviations; NaN where the strain is
   Field axial_strain_noise;                // without the bias of the kernel, which a model of it shares
   std::vector<std::uint8_t> strain_valid;  // displacement and strain trusted
+  double coupling_m = 0;                   // depth of the tissue's surface below it; 0: none was found
   double median_correlation = 0;           // of the textured nodes
   // The part of the nodes whose strain can be used, times 1 / (1 + (s / e)^2) with the medians over them of
   // the strain's noise s and magnitude e. 1: all tracked, strain far above its noise; one half:
@@ -74,6 +76,10 @@ struct Measured {
 // `median_correlation` are the caller's.
 void download(const Queue&, const DisplacementEstimate&, Measured&);
 void download(const Queue&, const StrainEstimate&, Measured&);
+
+// Gel, water or a standoff above the tissue: down to a bright line nothing is heard, or what is heard hardly
+// strains beside what lies below. Nothing is valid there and a kernel of the strain further down.
+void leave_out_coupling(const Echoes&, const AcquisitionGeometry&, const StrainOptions&, Measured&);
 
 // Over the nodes with texture (correlation as DisplacementEstimate has it). Throws TrackingError kNoSignal
 // when fewer than a tenth of the nodes have any.

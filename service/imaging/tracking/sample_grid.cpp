@@ -111,16 +111,18 @@ Padding padding(const RfFrame& frame, int samples, int lines) {
   return p;
 }
 
-std::vector<float> padded(const RfFrame& frame, const Padding& p) {
+std::vector<float> padded(const RfFrame& frame, const Padding& p, const std::vector<EchoSpan>& spans) {
   std::vector<float> out;
   grow(out, p.total);
   const float offset = converter_offset(frame);
   for (std::size_t l = 0; l < frame.line_count; ++l) {
     check_cancelled();
     const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count);
-    std::transform(line, line + static_cast<std::ptrdiff_t>(frame.sample_count),
-                   out.begin() + p.layout.origin + static_cast<std::ptrdiff_t>(l) * p.layout.stride,
-                   [offset](float sample) { return sample - offset; });
+    const EchoSpan heard = spans.empty() ? EchoSpan{0, static_cast<int>(frame.sample_count)} : spans[l];
+    std::transform(
+        line + heard.first, line + heard.end,
+        out.begin() + p.layout.origin + static_cast<std::ptrdiff_t>(l) * p.layout.stride + heard.first,
+        [offset](float sample) { return sample - offset; });
   }
   return out;
 }

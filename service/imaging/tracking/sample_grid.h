@@ -50,8 +50,15 @@ struct Padding {
 };
 Padding padding(const RfFrame&, int samples, int lines);
 
-// The frame with its padding, without what a converter added to the echoes: it moves with no tissue.
-std::vector<float> padded(const RfFrame&, const Padding&);
+// Samples of an A-line, from the first to before the end. An argument of kernels: int2.
+struct EchoSpan {
+  int first = 0, end = 0;
+  bool operator==(const EchoSpan&) const = default;
+};
+
+// The frame with its padding, without what a converter added to the echoes: it moves with no tissue. Zeros
+// outside of the spans, one for each line; without any: the whole frame.
+std::vector<float> padded(const RfFrame&, const Padding&, const std::vector<EchoSpan>& = {});
 
 // Throws std::invalid_argument naming the field and the remedy: sizes, NaN or infinite samples, frames of
 // unequal size, frequencies, sound speed, pitch, depth.

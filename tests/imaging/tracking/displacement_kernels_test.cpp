@@ -142,8 +142,10 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
   Range range = kNoRange;
   range.global = {(pre_.sample_count + 15) / 16, pre_.line_count, 1};
   range.local = {16, 1, 1};
-  kernel("warp")(range, pre_device_, post_device_, u, taps, series, mean, difference, pair,
-                 kInterpolationPhases, lines, samples, grid, pad_.layout);
+  const EchoSpan before{30, samples - 40}, after{25, samples - 60};
+  const std::vector<EchoSpan> pre_spans(pre_.line_count, before), post_spans(pre_.line_count, after);
+  kernel("warp")(range, pre_device_, post_device_, queue_.array(pre_spans), queue_.array(post_spans), u, taps,
+                 series, mean, difference, pair, kInterpolationPhases, lines, samples, grid, pad_.layout);
   const std::vector<float> m = queue_.read(mean), d = queue_.read(difference);
   const auto pre = as_reference(pre_), post = as_reference(post_);
   double worst = 0;
@@ -152,9 +154,10 @@ TEST_F(DisplacementKernels, WarpMatchesReference) {
       const double column = std::clamp(double(l - grid.first_line) / grid.line_step, 0.0, grid.nx - 1.0);
       const double row = std::clamp(double(k - grid.first_sample) / grid.sample_step, 0.0, grid.ny - 1.0);
       const reference::Shift u{0.3 * column - 0.7, 2.4 - 1.1 * row};
+      const auto holds = [](const EchoSpan& span, double at) { return at >= span.first && at < span.end; };
       const bool seen =
-          k + u.samples >= 0 && k + u.samples < samples && l + u.lines >= 0 && l + u.lines < lines;
-      const double own = seen ? pre.at(k, l) : 0, moved = reference::interpolate(post, k, l, u);
+          holds(before, k) && holds(after, k + u.samples) && l + u.lines >= 0 && l + u.lines < lines;
+      const double own = seen ? pre.at(k, l) : 0, moved = seen ? reference::interpolate(post, k, l, u) : 0;
       const auto at = static_cast<std::size_t>(pad_.layout.origin + l * pad_.layout.stride + k);
       ASSERT_TRUE(std::isfinite(m[at]) && std::isfinite(d[at]));
       worst = std::max({worst, std::abs(m[at] - 0.5 * (own + moved)), std::abs(d[at] - (own - moved))});

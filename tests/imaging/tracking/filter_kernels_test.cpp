@@ -111,16 +111,31 @@ TEST_P(FilterKernels, ReportScalesAndJudges) {
   for (float& d : deviation) d = std::uniform_real_distribution<float>(0, 2)(f.random);
   deviation.back() = INFINITY;
   f.correlation.front() = std::nanf("");
+  // Nodes on every second line and fifth sample of a frame that ends with them; one line is silent at its end
+  // after the motion, one at its beginning before.
+  const SampleGrid g{f.nx, f.ny, 0, 2, 0, 5};
+  const int lines = 2 * f.nx - 1, samples = 5 * f.ny - 4;
+  std::vector<EchoSpan> spans(static_cast<std::size_t>(lines), {0, samples});
+  spans[spans.size() / 2].end = samples / 2;
+  std::vector<EchoSpan> before(spans.size(), {0, samples});
+  before.back().first = samples / 3;
   const Array<float> out = queue.array<float>(f.field.size());
   const Array<std::uint8_t> trusted = queue.array<std::uint8_t>(nodes());
   kernel("report")(over(nodes()), queue.array(f.field), queue.array(f.correlation), queue.array(deviation),
-                   out, trusted, static_cast<int>(nodes()), 0.2f, 0.02f, 0.6f, 1.0f);
+                   queue.array(before), queue.array(spans), out, trusted, g, lines, 0.2f, 0.02f, 0.6f, 1.0f);
   const std::vector<float> metres = queue.read(out);
   const std::vector<std::uint8_t> flags = queue.read(trusted);
   for (std::size_t n = 0; n < nodes(); ++n) {
     EXPECT_NEAR(metres[2 * n], 0.2 * f.field[2 * n], 1e-5) << n;
     EXPECT_NEAR(metres[2 * n + 1], 0.02 * f.field[2 * n + 1], 1e-5) << n;
-    EXPECT_EQ(flags[n] != 0, f.correlation[n] >= 0.6f && deviation[n] <= 1.0f) << n;
+    const int i = static_cast<int>(n) % f.nx, j = static_cast<int>(n) / f.nx;
+    const float line = static_cast<float>(2 * i) + f.field[2 * n],
+                sample = static_cast<float>(5 * j) + f.field[2 * n + 1];
+    const auto own = std::clamp(std::lround(line), 0L, static_cast<long>(lines - 1));
+    const bool inside = 5 * j >= before[static_cast<std::size_t>(2 * i)].first && line >= -0.5f &&
+                        line < static_cast<float>(lines) - 0.5f && sample >= 0 &&
+                        sample < static_cast<float>(spans[static_cast<std::size_t>(own)].end);
+    EXPECT_EQ(flags[n] != 0, f.correlation[n] >= 0.6f && deviation[n] <= 1.0f && inside) << n;
   }
 }
 
