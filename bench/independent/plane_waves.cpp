@@ -26,6 +26,7 @@ constexpr double kNearestM = .0001;
 using Row = Eigen::Array<float, kCount, 1>;  // of the frequencies
 struct Spectrum {
   Row re = Row::Zero(), im = Row::Zero();
+  void add(float part, const Spectrum& of) { re += part * of.re, im += part * of.im; }
   void add_product(const Spectrum& a, const Spectrum& b) {
     re += a.re * b.re - a.im * b.im;
     im += a.re * b.im + a.im * b.re;
@@ -78,10 +79,10 @@ class Paths {
   }
   // e^(-i 2 pi f delay), to 1 / 512 of a sample.
   Spectrum phase(double delay_s) const {
-    const auto steps = static_cast<int>(std::lround(delay_s * (kRateHz * kFine))) + kCoarse * kFine;
+    const auto steps = static_cast<std::size_t>(
+        std::clamp(std::lround(delay_s * (kRateHz * kFine)) + kCoarse * kFine, 0L, 2L * kCoarse * kFine - 1));
     Spectrum s;
-    s.add_product(coarse_[static_cast<std::size_t>(std::clamp(steps / kFine, 0, 2 * kCoarse - 1))],
-                  fine_[static_cast<std::size_t>(steps % kFine)]);
+    s.add_product(coarse_[steps / kFine], fine_[steps % kFine]);
     return s;
   }
   Spectrum path(double aside_m, double length_m, double delay_s) const {
@@ -121,38 +122,34 @@ class Channels {
   void add_patch(double x_m, double y_m, std::span<const Scatterer> scatterers) {
     const std::size_t angles = p_.angles_rad.size();
     std::vector<Spectrum> there(scatterers.size() * angles);  // waves at the scatterers
-    for (std::size_t s = 0; s < scatterers.size(); ++s)
-      for (std::size_t n = 0; n < p_.elements; ++n) {
-        const Scatterer& at = scatterers[s];
-        const double aside_m = at.x_m - p_.x_m(n), length_m = std::hypot(aside_m, at.y_m);
-        Spectrum path;
-        bool known = false;
-        for (std::size_t a = 0; a < angles; ++a) {
-          const double sent_s =
-              p_.x_m(n) * std::sin(p_.angles_rad[a]) / p_.stated_speed_m_s + aberration_s_[n];
-          const double late_s = sent_s + length_m / p_.speed_m_s - plane_s(a, at.x_m, at.y_m);
-          if (late_s > kLatestS) continue;
-          const double turned = std::clamp((late_s - kLateS) / (kLatestS - kLateS), 0., 1.);
-          if (!known) path = paths_.path(aside_m, length_m, (length_m - y_m) / p_.speed_m_s), known = true;
-          Spectrum sent = paths_.phase(sent_s - (plane_s(a, x_m, y_m) - y_m / p_.speed_m_s));
-          const auto part = static_cast<float>(at.strength * (1 + std::cos(kPi * turned)) / 2);
-          sent.re *= part, sent.im *= part;
-          there[s * angles + a].add_product(path, sent);
-        }
+    for (std::size_t s = 0; s < scatterers.size() * p_.elements; ++s) {
+      const Scatterer& at = scatterers[s / p_.elements];
+      const std::size_t n = s % p_.elements;
+      const double aside_m = at.x_m - p_.x_m(n), length_m = std::hypot(aside_m, at.y_m);
+      for (std::size_t a = 0; a < angles; ++a) {
+        const double sent_s = p_.x_m(n) * std::sin(p_.angles_rad[a]) / p_.stated_speed_m_s + aberration_s_[n],
+                     comes_s = sent_s + length_m / p_.speed_m_s,
+                     late_s = comes_s - plane_s(a, at.x_m, at.y_m);
+        if (late_s > kLatestS) continue;
+        const double turned = std::clamp((late_s - kLateS) / (kLatestS - kLateS), 0., 1.);
+        there[s / p_.elements * angles + a].add(
+            static_cast<float>(at.strength * (1 + std::cos(kPi * turned)) / 2),
+            paths_.path(aside_m, length_m, comes_s - plane_s(a, x_m, y_m)));
       }
+    }
     for (std::size_t n = 0; n < p_.elements; ++n) {
-      const double length_of_patch_m = std::hypot(x_m - p_.x_m(n), y_m);
+      const double patch_m = std::hypot(x_m - p_.x_m(n), y_m);
       if (std::abs(x_m - p_.x_m(n)) > y_m + kPatchM) continue;  // hardly heard beyond 45 degrees
       std::vector<Spectrum> heard(angles);
       for (std::size_t s = 0; s < scatterers.size(); ++s) {
         const double aside_m = scatterers[s].x_m - p_.x_m(n),
                      length_m = std::hypot(aside_m, scatterers[s].y_m);
         const Spectrum path =
-            paths_.path(aside_m, length_m, (length_m - length_of_patch_m) / p_.speed_m_s + aberration_s_[n]);
+            paths_.path(aside_m, length_m, (length_m - patch_m) / p_.speed_m_s + aberration_s_[n]);
         for (std::size_t a = 0; a < angles; ++a) heard[a].add_product(path, there[s * angles + a]);
       }
       for (std::size_t a = 0; a < angles; ++a)
-        add(a, n, plane_s(a, x_m, y_m) + length_of_patch_m / p_.speed_m_s - kBeforeS, heard[a]);
+        add(a, n, plane_s(a, x_m, y_m) + patch_m / p_.speed_m_s - kBeforeS, heard[a]);
     }
   }
 

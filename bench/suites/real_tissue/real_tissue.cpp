@@ -200,17 +200,20 @@ void promise(const std::vector<RealResult>& rows, Promises& promises) {
 void promise_independent(const std::vector<RealResult>& wide, const std::vector<RealResult>& beside,
                          Promises& promises) {
   constexpr double kOff = 0.1;
-  double background = 0, contrast = 0, pooled = 0, seeds = 0, least = 1, spread = 1, without = 0;
+  double background = 0, contrast = 0, pooled = 0, seeds = 0, least = 1, spread = 1, without = 0, refused = 0;
   for (const std::vector<RealResult>* rows : {&wide, &beside})
     for (const RealResult& r : *rows) {
-      pooled += r.coverage * static_cast<double>(r.seeds), seeds += static_cast<double>(r.seeds);
+      const auto judged = static_cast<double>(r.seeds - r.refused);
+      if (judged > 0) pooled += r.coverage * judged, seeds += judged;
+      refused += static_cast<double>(r.refused);
       least = std::min(least, r.coverage_worst), spread = std::max(spread, r.deviation_spread);
       if (r.contrast_of_lump != 1) contrast = std::max(contrast, std::abs(r.contrast - 1));
     }
-  if (seeds == 0) return;
+  if (wide.empty() && beside.empty()) return;
   for (const RealResult& r : wide) background = std::max(background, std::abs(r.background - 1));
   for (const RealResult& r : beside)
     without += !(std::abs(r.background_worst - 1) <= kOff || r.background_held == r.seeds);
+  promises.push_back({"independent_windows_refused", refused, 0});
   promises.push_back(
       {"independent_nodes_in_their_95_percent_interval_at_least", pooled / seeds, 0.92, "", false});
   promises.push_back({"independent_nodes_in_their_95_percent_interval_at_most", pooled / seeds, 0.98});
