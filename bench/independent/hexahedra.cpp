@@ -51,7 +51,7 @@ void shapes_at(const Hexahedra::Point& p, Shapes& value, Gradients* gradient = n
   }
 }
 
-// Of a box of modulus 1 in each of its eighths, which the eighth's modulus then multiplies.
+// Of the eighth of a box that has the integration point `local`, for a modulus of 1.
 Matrix stiffness_of(const Hexahedra::Point& size_m, const Hexahedra::Point& local, double poisson_ratio) {
   Shapes value;
   Gradients over;

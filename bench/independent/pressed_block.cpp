@@ -9,21 +9,24 @@ namespace {
 
 // Stress is singular at the face's edges, and elements are small there.
 Hexahedra mesh_of(const Block& block) {
-  constexpr double kEdge = .000125, kGrowth = 1.1, kUnderFace = .0025, kSphere = .0014, kDeep = .0035,
-                   kFar = 1;
+  constexpr double kEdge = .00008, kGrowth = 1.2, kGrowthInto = .8, kUnderFace = .0025, kSphere = .0014,
+                   kDeep = .0035, kFar = 1;
   const double x_edge = block.face_width_m / 2, z_edge = block.face_across_m / 2;
-  const auto size = [&](double from_edge_m, double from_sphere_m, double limit_m) {
+  const auto size = [&](double growth_m, double from_sphere_m, double limit_m) {
     const bool by_sphere = block.contrast != 1 && std::abs(from_sphere_m) < .6 * block.sphere_m;
-    return std::min(by_sphere ? kSphere : limit_m, kEdge + kGrowth * std::abs(from_edge_m));
+    return std::min(by_sphere ? kSphere : limit_m, kEdge + growth_m);
   };
-  return Hexahedra(
-      {graded_lines({0, x_edge, block.width_m / 2},
-                    [&](double x) { return size(x - x_edge, x, x < x_edge ? kUnderFace : kFar); }),
-       graded_lines({0, block.depth_m},
-                    [&](double y) {
-                      return size(y, y - block.sphere_depth_m, y < .6 * block.depth_m ? kUnderFace : kDeep);
-                    }),
-       graded_lines({0, z_edge, block.across_m / 2}, [&](double z) { return size(z - z_edge, z, kFar); })});
+  const auto along = [&](double edge_m, double under_face_m) {
+    return [=](double at_m) {
+      return size(kGrowth * std::abs(at_m - edge_m), at_m, at_m < edge_m ? under_face_m : kFar);
+    };
+  };
+  const auto into = [&](double y) {
+    return size(kGrowthInto * y, y - block.sphere_depth_m, y < .6 * block.depth_m ? kUnderFace : kDeep);
+  };
+  return Hexahedra({graded_lines({0, x_edge, block.width_m / 2}, along(x_edge, kUnderFace)),
+                    graded_lines({0, block.depth_m}, into),
+                    graded_lines({0, z_edge, block.across_m / 2}, along(z_edge, kFar))});
 }
 
 }  // namespace

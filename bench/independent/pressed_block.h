@@ -21,7 +21,7 @@ struct Block {
 
 class PressedBlock {
  public:
-  // About 10 s on one core. The force is up to 0.5 % above that of finer meshes.
+  // 10 to 18 s on one core. The force is some 0.2 % above that of finer meshes.
   explicit PressedBlock(const Block&);
   double force_n() const { return force_n_; }
   // Displacement in the image plane, (x, y), m, seen from the probe: its face rests.
