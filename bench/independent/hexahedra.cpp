@@ -79,6 +79,7 @@ std::vector<double> graded_lines(const std::vector<double>& knots,
   constexpr std::size_t kSteps = 2000;
   std::vector<double> lines{knots.front()};
   for (std::size_t k = 0; k + 1 < knots.size(); ++k) {
+    if (knots[k + 1] == knots[k]) continue;
     const double step = (knots[k + 1] - knots[k]) / kSteps;
     std::vector<double> count{0};  // of elements from the knot on
     for (std::size_t s = 0; s < kSteps; ++s)
