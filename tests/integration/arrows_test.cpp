@@ -134,13 +134,14 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
       {"bench", {"bench/basics", "bench/load"}},
       {"bench/basics", {}},
       {"bench/peers", {"bench/basics"}},
+      {"bench/independent", {}},
       {"bench/load", {}},
       {"bench/stability", {}},
       {"bench/phantoms", {"bench/peers", "bench/basics"}},
       {"bench/fuzz", {"bench/stability"}},
       {"suite",
-       {"bench", "bench/basics", "bench/fuzz", "bench/load", "bench/peers", "bench/phantoms",
-        "bench/stability"}}};
+       {"bench", "bench/basics", "bench/fuzz", "bench/independent", "bench/load", "bench/peers",
+        "bench/phantoms", "bench/stability"}}};
   std::set<std::string> suites;
   for (const Include& i : includes_of("bench")) {
     if (i.target.rfind("bench/", 0) != 0) continue;

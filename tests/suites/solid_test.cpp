@@ -117,7 +117,10 @@ TEST_F(RealTissueSuite, EveryRowIsRightOrSaysHowFarItMayBeOff) {
 }
 
 TEST_F(RealTissueSuite, PlaneStrainIsNotEnoughAndRunsAreJoined) {
-  const auto rows = quick("first.json", {"--only", "no lump"});
+  const auto rows = quick("first.json", {"--only", "no lump", "--keep", folder_ / "kept"});
+  for (const char* name : {"pre.mha", "post.mha", "truth.json"})
+    EXPECT_TRUE(std::filesystem::exists(folder_ / std::string("kept/no_lump_contrast_1_seed_1/") + name))
+        << name;
   double shown = 0;
   for (const auto& row : rows) {
     if (row.at("name") != "no lump" || row.at("estimator") != "plane strain") continue;

@@ -5,15 +5,20 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <map>
+#include <numeric>
 #include <set>
+#include <span>
 #include <tuple>
 #include <utility>
 
 #include "bench/basics/median.h"
 #include "bench/run_suite.h"
 #include "bench/suites/real_tissue/windows.h"
+#include "client/files/metaimage.h"
 #include "client/patient/solid_press.h"
 
 namespace teletact::bench {
@@ -25,7 +30,9 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealWindow, row, estimator, contrast_of_lump,
 
 namespace {
 
-constexpr std::size_t kMinSeeds = 10;  // of each row, for a share to mean anything
+// Of each row, for a share to mean anything. Of the independent rows, whose share is of nodes, no more are
+// tried, and two are enough.
+constexpr std::size_t kMinSeeds = 10, kMinIndependentSeeds = 2;
 
 struct RealOptions : SuiteOptions {
   std::size_t seeds = 20;
@@ -33,6 +40,7 @@ struct RealOptions : SuiteOptions {
   std::vector<std::string> windows_of;  // --json of earlier runs
   double spacing_m = client::kSolidSpacing;
   std::string only;       // rows whose name has it
+  std::string keep;       // a folder for the pairs
   bool promised = false;  // what the product is held to alone
 };
 
@@ -42,7 +50,9 @@ struct RealResult {
   double contrast_of_lump = 1;
   std::size_t seeds = 0, refused = 0;
   double background = kNan, background_worst = kNan, contrast = kNan, contrast_worst = kNan;
-  double ramp = kNan, ramp_worst = kNan, off = kNan, coverage = kNan, deviation = kNan;
+  double ramp = kNan, ramp_worst = kNan, off = kNan, deviation = kNan;
+  double coverage = kNan, coverage_worst = kNan;   // mean, least
+  double deviation_spread = kNan;                  // the largest over the least
   double skin_held = kNan;                         // of the worst window
   std::size_t background_held = 0, lump_held = 0;  // windows whose stated 95 % interval has the truth
   double tracking_m = kNan, seconds = kNan, processor_s = kNan, modulus_s = kNan;
@@ -50,23 +60,24 @@ struct RealResult {
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealResult, name, estimator, contrast_of_lump, seeds, refused, background,
                                    background_worst, contrast, contrast_worst, ramp, ramp_worst, off,
-                                   coverage, deviation, skin_held, background_held, lump_held, tracking_m,
-                                   seconds, processor_s, modulus_s, said)
+                                   coverage, coverage_worst, deviation, deviation_spread, skin_held,
+                                   background_held, lump_held, tracking_m, seconds, processor_s, modulus_s,
+                                   said)
 // The same of the promised estimator, for a page that people read.
 struct RealLine {
-  std::string row, background, contrast, ramp, held, said;
-  double coverage = kNan, off = kNan, skin_held = kNan, processor_s = kNan;
+  std::string row, background, contrast, ramp, coverage, held, said;
+  double off = kNan, stated_spread = kNan, skin_held = kNan;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealLine, row, background, contrast, ramp, held, said, coverage, off,
-                                   skin_held, processor_s)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealLine, row, background, contrast, ramp, coverage, held, said, off,
+                                   stated_spread, skin_held)
 struct RealFigures {
   std::vector<RealResult> rows;
-  std::vector<RealLine> without_lump, lump_of_3, lump_of_5;
+  std::vector<RealLine> without_lump, lump_of_3, lump_of_5, independent;
   std::vector<RealWindow> windows;
   double truth_spacing_m = kNan;
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealFigures, truth_spacing_m, rows, without_lump, lump_of_3, lump_of_5,
-                                   windows)
+                                   independent, windows)
 
 double worst_of(const std::vector<double>& ratios) {
   double worst = kNan;
@@ -92,7 +103,13 @@ RealResult summary(const std::vector<RealWindow>& windows) {
   r.contrast = median_of(all(&RealWindow::contrast)), r.contrast_worst = worst_of(all(&RealWindow::contrast));
   r.ramp = median_of(all(&RealWindow::ramp)), r.ramp_worst = worst_of(all(&RealWindow::ramp));
   r.off = median_of(all(&RealWindow::off));
-  r.coverage = median_of(all(&RealWindow::coverage)), r.deviation = median_of(all(&RealWindow::deviation));
+  const std::vector<double> coverage = all(&RealWindow::coverage), deviation = all(&RealWindow::deviation);
+  r.deviation = median_of(deviation);
+  if (!coverage.empty()) {
+    r.coverage = std::accumulate(coverage.begin(), coverage.end(), 0.) / static_cast<double>(coverage.size());
+    r.coverage_worst = std::ranges::min(coverage);
+    r.deviation_spread = std::ranges::max(deviation) / std::ranges::min(deviation);
+  }
   for (const double share : all(&RealWindow::skin_held)) r.skin_held = std::fmin(r.skin_held, share);
   std::map<std::string, std::size_t> said;
   for (const RealWindow& w : windows) {
@@ -110,7 +127,7 @@ RealResult summary(const std::vector<RealWindow>& windows) {
 }
 
 constexpr const char* kLine =
-    "{:<50} {:<14} {:>4} {:>13} {:>13} {:>13} {:>5} {:>8} {:>6} {:>9} {:>7} {:>5}{}\n";
+    "{:<50} {:<14} {:>4} {:>13} {:>13} {:>13} {:>5} {:>13} {:>13} {:>9} {:>7} {:>5}{}\n";
 
 void print_head() {
   fmt::print(kLine, "median (worst) over truth", "estimator", "lump", "background", "contrast", "ramp", "off",
@@ -132,12 +149,12 @@ RealLine line_of(const RealResult& r) {
           pair(r.background, r.background_worst),
           pair(r.contrast, r.contrast_worst),
           pair(r.ramp, r.ramp_worst),
+          pair(r.coverage, r.coverage_worst),
           held(r),
           r.said,
-          r.coverage,
           r.off,
-          r.skin_held,
-          r.processor_s};
+          r.deviation_spread,
+          r.skin_held};
 }
 
 void print(const RealResult& r) {
@@ -145,8 +162,9 @@ void print(const RealResult& r) {
   const bool lump = r.contrast_of_lump != 1;
   fmt::print(kLine, r.name, r.estimator, lump ? number(r.contrast_of_lump, 0) : "-",
              pair(r.background, r.background_worst), pair(r.contrast, r.contrast_worst),
-             pair(r.ramp, r.ramp_worst), number(r.off, 2), number(r.coverage, 2), number(r.deviation, 2),
-             held(r), number(1e6 * r.tracking_m, 2), number(r.seconds, 1),
+             pair(r.ramp, r.ramp_worst), number(r.off, 2), pair(r.coverage, r.coverage_worst),
+             fmt::format("{:.3f} (x{:.2f})", r.deviation, r.deviation_spread), held(r),
+             number(1e6 * r.tracking_m, 2), number(r.seconds, 1),
              r.refused > 0 ? fmt::format(", {} refused", r.refused) : "");
   if (!r.said.empty()) fmt::print("    said: {}\n", r.said);
   std::fflush(stdout);
@@ -178,6 +196,50 @@ void promise(const std::vector<RealResult>& rows, Promises& promises) {
   promises.push_back({"pooled_share_in_the_95_percent_interval_at_most", held / windows, 0.98});
 }
 
+// Of the rows by independent means, wide and not.
+void promise_independent(const std::vector<RealResult>& wide, const std::vector<RealResult>& beside,
+                         Promises& promises) {
+  constexpr double kOff = 0.1, kMinHeld = 0.85;
+  double background = 0, contrast = 0, pooled = 0, seeds = 0, least = 1, spread = 1, without = 0, refused = 0;
+  for (const std::vector<RealResult>* rows : {&wide, &beside})
+    for (const RealResult& r : *rows) {
+      const auto judged = static_cast<double>(r.seeds - r.refused);
+      if (judged > 0) pooled += r.coverage * judged, seeds += judged;
+      refused += static_cast<double>(r.refused);
+      least = std::min(least, r.coverage_worst), spread = std::max(spread, r.deviation_spread);
+      if (r.contrast_of_lump != 1) contrast = std::max(contrast, std::abs(r.contrast - 1));
+    }
+  if (wide.empty() && beside.empty()) return;
+  for (const RealResult& r : wide) background = std::max(background, std::abs(r.background - 1));
+  for (const RealResult& r : beside)
+    without += !(std::abs(r.background_worst - 1) <= kOff ||
+                 (r.coverage_worst >= kMinHeld && r.background_held == r.seeds));
+  promises.push_back({"independent_windows_refused", refused, 0});
+  promises.push_back(
+      {"independent_nodes_in_their_95_percent_interval_at_least", pooled / seeds, 0.92, "", false});
+  promises.push_back({"independent_nodes_in_their_95_percent_interval_at_most", pooled / seeds, 0.98});
+  promises.push_back({"independent_nodes_of_the_worst_pair_in_it", least, kMinHeld, "", false});
+  promises.push_back({"independent_background_of_the_worst_wide_row_off_by", background, 0.03});
+  promises.push_back({"independent_contrast_of_the_worst_row_off_by", contrast, 0.07});
+  promises.push_back({"independent_rows_beside_neither_within_10_percent_nor_in_their_interval", without, 0});
+  promises.push_back({"independent_stated_deviation_over_speckle_max_over_min", spread, 1.3});
+}
+
+// Of a pair, for `teletact-client estimate` and others.
+void keep(const Window& w, const std::filesystem::path& folder) {
+  std::filesystem::create_directories(folder);
+  for (const auto& [name, frame] : {std::pair{"pre.mha", &w.pre}, {"post.mha", &w.post}}) {
+    const std::vector<std::int16_t> samples(frame->samples.begin(), frame->samples.end());
+    client::write_metaimage(
+        folder / name, client::MetaImage::of({frame->sample_count, frame->line_count},
+                                             {w.geometry.sample_pitch_m(), w.geometry.line_pitch_m}, {0, 0},
+                                             std::span<const std::int16_t>(samples)));
+  }
+  const nlohmann::json truth{{"dF", w.force.force_n}, {"unit", "N"}};
+  if (!(std::ofstream(folder / "truth.json") << truth << '\n' << std::flush))
+    throw BenchError("cannot write into --keep " + folder.string());
+}
+
 // Those of earlier runs. Throws BenchError for a window that is there twice, or has another truth.
 std::vector<RealWindow> earlier_windows(const RealOptions& options) {
   std::vector<RealWindow> all;
@@ -207,13 +269,19 @@ RealFigures measure(const RealOptions& options, Promises& promises) {
   const std::size_t seeds = options.quick ? std::min<std::size_t>(1, options.seeds) : options.seeds;
   std::vector<Estimator> all = estimators();
   if (options.promised) std::erase_if(all, [](const Estimator& e) { return !e.promised; });
-  std::vector<RealResult> held_to;
+  std::map<Truth, std::vector<RealResult>> held_to;
+  std::vector<RealRow> rows = patient_rows();
+  std::ranges::move(independent_rows(), std::back_inserter(rows));
   print_head();
-  for (const RealRow& row : real_rows()) {
+  for (const RealRow& row : rows) {
+    const bool patient = row.truth == Truth::kPatient;
     if ((options.quick && !row.quick) || row.name.find(options.only) == std::string::npos) continue;
-    for (std::size_t k = 0; k < seeds; ++k) {
+    for (std::size_t k = 0; k < (patient ? seeds : std::min(seeds, kMinSeeds)); ++k) {
       const std::uint64_t seed = options.first_seed + k;
-      const Window w = window_of(row, seed, options.spacing_m);
+      const Window w = row.window(seed, options.spacing_m);
+      if (!options.keep.empty())
+        keep(w, std::filesystem::path(options.keep) /
+                    fmt::format("{}_contrast_{}_seed_{}", snake_case(row.name), row.contrast, seed));
       show_progress(fmt::format("{}, contrast {}: seed {}, {} of {}, solved in {:.1f} s", row.name,
                                 row.contrast, seed, k + 1, seeds, w.truth_s));
       for (const Estimator& by : all) figures.windows.push_back(estimated(elastography, row, seed, w, by));
@@ -227,15 +295,22 @@ RealFigures measure(const RealOptions& options, Promises& promises) {
       figures.rows.push_back(summary(of));
       print(figures.rows.back());
       if (!by.promised) continue;
-      held_to.push_back(figures.rows.back());
-      (row.contrast == 1   ? figures.without_lump
+      held_to[row.truth].push_back(figures.rows.back());
+      (!patient            ? figures.independent
+       : row.contrast == 1 ? figures.without_lump
        : row.contrast == 3 ? figures.lump_of_3
                            : figures.lump_of_5)
-          .push_back(line_of(held_to.back()));
+          .push_back(line_of(figures.rows.back()));
     }
   }
-  const auto fewest = std::ranges::min_element(held_to, {}, &RealResult::seeds);
-  if (fewest != held_to.end() && fewest->seeds >= kMinSeeds) promise(held_to, promises);
+  const auto all_have = [](const std::vector<RealResult>& of, std::size_t least) {
+    return std::ranges::all_of(of, [least](const RealResult& r) { return r.seeds >= least; });
+  };
+  const std::vector<RealResult>&patients = held_to[Truth::kPatient], &wide = held_to[Truth::kIndependent],
+        &beside = held_to[Truth::kIndependentBeside];
+  if (all_have(patients, kMinSeeds)) promise(patients, promises);
+  if (all_have(wide, kMinIndependentSeeds) && all_have(beside, kMinIndependentSeeds))
+    promise_independent(wide, beside, promises);
   return figures;
 }
 
@@ -252,6 +327,7 @@ void add_real_tissue_suite(CLI::App& app, bool& met) {
   suite.add_option("--truth-spacing-m", options->spacing_m, "of the truth's nodes along the probe")
       ->check(CLI::Range(0.0005, 0.004));
   suite.add_option("--only", options->only, "rows whose name has this");
+  suite.add_option("--keep", options->keep, "a folder for the RF pairs and their forces (MetaImage, JSON)");
   suite.add_flag("--promised", options->promised, "no estimators beside the one that is promised");
 }
 

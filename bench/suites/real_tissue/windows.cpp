@@ -10,49 +10,17 @@
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/suite.h"
-#include "client/patient/solid_press.h"
-#include "client/patient/true_modulus.h"
 
 namespace teletact::bench {
 namespace {
 
 constexpr double kFromFaceM = 0.003, kInside = 0.7, kBeside = 1.3;
-constexpr double kStatedPoissonRatio = 0.49;  // whatever is true
-constexpr std::size_t kMaxInMean = 400;       // nodes in the variance of a mean
-
-// What is stated of the tissue: its width where the probe is narrower, the depth that is imaged.
-service::TissueExtent plane_strain(const Window& w) {
-  const client::Tissue& t = w.tissue;
-  return {t.width_m, t.imaged_depth_m(), w.state.window_x_m, kStatedPoissonRatio};
-}
-
-// The depth is stated where its bottom is imaged; the face is fitted.
-service::TissueExtent solid(const Window& w) {
-  service::TissueExtent extent = plane_strain(w);
-  extent.plane = service::Plane::kSolid;
-  extent.depth_stated = w.tissue.imaged_depth_m() == w.tissue.depth_m;
-  return extent;
-}
-
-service::TissueExtent solid_fitted(const Window& w) {
-  service::TissueExtent extent = solid(w);
-  extent.depth_stated = false;
-  return extent;
-}
+constexpr std::size_t kMaxInMean = 400;  // nodes in the variance of a mean
 
 service::Estimate estimate(service::Elastography& elastography, const Window& w, const Estimator& by) {
-  const auto frame = [&](const std::vector<std::int16_t>& samples) {
-    return service::RfFrame{
-        w.rf.geometry.sample_count, w.rf.geometry.line_count, {samples.begin(), samples.end()}};
-  };
-  service::AcquisitionGeometry g;
-  g.center_frequency_hz = w.tissue.ultrasound.center_frequency_hz;
-  g.sampling_frequency_hz = w.tissue.ultrasound.sampling_frequency_hz;
-  g.sound_speed_m_s = w.tissue.ultrasound.sound_speed_m_s;
-  g.line_pitch_m = w.rf.geometry.line_pitch_m;
-  return elastography.estimate(
-      frame(w.rf.pre), frame(w.rf.post),
-      {g, service::ProbeForce{w.sensed_force_n, w.state.contact_area_m2}, by.extent(w)});
+  service::TissueExtent extent = w.extent;
+  by.state(extent);
+  return elastography.estimate(w.pre, w.post, {w.geometry, w.force, extent});
 }
 
 // Median of what the tracked axial displacement is off by, where it is trusted.
@@ -60,8 +28,7 @@ double tracking_error(const service::Estimate& e, const Window& w) {
   std::vector<double> off_m;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
     if (!e.displacement_valid[n]) continue;
-    const double x = w.state.window_x_m + e.grid.x_m(n), y = e.grid.y_m(n);
-    const double truth_m = w.state.field->at(x, y).y - w.state.motion(x, y).y;
+    const double truth_m = w.axial_m(w.extent.window_x_m + e.grid.x_m(n), e.grid.y_m(n));
     off_m.push_back(std::abs(e.axial_displacement[n] - truth_m));
   }
   return median_of(off_m);
@@ -87,16 +54,15 @@ void mean_of(const service::Estimate& e, const std::vector<double>& error, std::
 }
 
 RealWindow judge(const service::Estimate& e, const Window& w) {
-  const client::TrueModulus truth(w.tissue);
-  const double left_m = w.state.window_x_m;
   std::vector<double> error(e.grid.size(), kNan), beside, inside, above, below, deviations, offs;
   std::vector<std::size_t> beside_nodes, inside_nodes;
   double held = 0, judged = 0, skin_held = 0, skin = 0, deepest_m = 0;
   std::vector<std::pair<double, double>> by_depth;
   for (std::size_t n = 0; n < e.grid.size(); ++n) {
-    const double x = left_m + e.grid.x_m(n), y = e.grid.y_m(n), modulus = e.modulus.youngs_modulus[n];
+    const double x = w.extent.window_x_m + e.grid.x_m(n), y = e.grid.y_m(n),
+                 modulus = e.modulus.youngs_modulus[n];
     if (!std::isfinite(modulus)) continue;
-    error[n] = std::log(modulus / truth(x, y));
+    error[n] = std::log(modulus / w.modulus_pa(x, y));
     const double stated = e.modulus.log_deviation[n];
     const bool holds = std::abs(error[n]) <= kQuantile * stated;
     if (y < kFromFaceM) {
@@ -107,7 +73,7 @@ RealWindow judge(const service::Estimate& e, const Window& w) {
     ++judged, held += holds;
     deviations.push_back(stated);
     double radii = std::numeric_limits<double>::infinity();
-    for (const client::Inclusion& i : w.tissue.inclusions)
+    for (const client::Inclusion& i : w.lumps)
       radii = std::min(radii, 2 * std::hypot(x - i.x_m, y - i.y_m) / i.diameter_m);
     if (radii > kBeside) {
       beside.push_back(std::exp(error[n]));
@@ -139,21 +105,15 @@ RealWindow judge(const service::Estimate& e, const Window& w) {
 
 }  // namespace
 
-Window window_of(const RealRow& row, std::uint64_t seed, double spacing_m) {
-  Window w;
-  w.tissue = tissue_of(row, seed);
-  const client::Tissue& t = w.tissue;
-  w.truth_s = seconds_of([&] {
-    w.state = client::press_solid(t, (t.width_m - t.probe.width_m) / 2, t.probe.compression_m, spacing_m);
-  });
-  w.rf = client::with_noise(client::simulate_rf(t, w.state, client::RfFrame::kProbe, seed), seed + 1);
-  w.sensed_force_n = client::sensed_force(t.probe, w.state.force_n, seed + 2);
-  return w;
-}
-
 std::vector<Estimator> estimators() {
-  return {
-      {"solid", solid, true}, {"solid, fitted", solid_fitted, false}, {"plane strain", plane_strain, false}};
+  return {{"solid", [](service::TissueExtent&) {}, true},
+          {"solid, fitted", [](service::TissueExtent& e) { e.probe_elevation_m = 0, e.depth_stated = false; },
+           false},
+          {"plane strain",
+           [](service::TissueExtent& e) {
+             e.plane = service::Plane::kStrain, e.probe_elevation_m = 0, e.depth_stated = true;
+           },
+           false}};
 }
 
 RealWindow estimated(service::Elastography& elastography, const RealRow& row, std::uint64_t seed,

@@ -1,5 +1,4 @@
-// A window of `real-tissue`: a solid of which an RF pair is taken, and what an estimator makes of it beside
-// its truth.
+// What an estimator makes of a window of `real-tissue`, beside its truth.
 #pragma once
 
 #include <cstdint>
@@ -8,28 +7,15 @@
 
 #include "bench/basics/median.h"
 #include "bench/suites/real_tissue/rows.h"
-#include "client/patient/rf.h"
-#include "service/imaging/estimate.h"
 
 namespace teletact::bench {
 
 inline constexpr double kQuantile = 1.96;
 
-// What a solid pressed between two frames gives, and its truth at the nodes.
-struct Window {
-  client::Tissue tissue;
-  client::ProbeState state;
-  client::RfPair rf;
-  double sensed_force_n = 0, truth_s = 0;
-};
-
-// `spacing_m`: of the truth, as of press_solid().
-Window window_of(const RealRow& row, std::uint64_t seed, double spacing_m);
-
 struct Estimator {
   std::string name;
-  service::TissueExtent (*extent)(const Window&);
-  bool promised;  // what the product is held to; else beside it
+  void (*state)(service::TissueExtent&);  // changes what is stated
+  bool promised;                          // what the product is held to; else beside it
 };
 
 std::vector<Estimator> estimators();

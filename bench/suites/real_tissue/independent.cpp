@@ -1,0 +1,87 @@
+// Rows whose tissue and RF are made by nothing that the project's own patient has.
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "bench/basics/clock.h"
+#include "bench/independent/plane_waves.h"
+#include "bench/independent/pressed_block.h"
+#include "bench/suites/real_tissue/rows.h"
+
+namespace teletact::bench {
+namespace {
+
+// Of each block that was asked for.
+using Solved = std::vector<std::pair<Block, std::shared_ptr<const PressedBlock>>>;
+
+std::shared_ptr<const PressedBlock> pressed(const Block& block, Solved& solved) {
+  const auto known = std::ranges::find(solved, block, &Solved::value_type::first);
+  if (known != solved.end()) return known->second;
+  return solved.emplace_back(block, std::make_shared<const PressedBlock>(block)).second;
+}
+
+// What a user knows is stated: the face, the depth, and the speed of sound that the scanner takes.
+Window window_of(const Block& block, const PlaneWaves& waves, Solved& solved, std::uint64_t seed) {
+  Window w;
+  std::shared_ptr<const PressedBlock> of;
+  w.truth_s = seconds_of([&] { of = pressed(block, solved); });
+  const PlaneWavePair rf = plane_wave_pair(
+      waves, [&](double x, double y) { return of->at(x, y); }, seed);
+  const auto frame = [&](const std::vector<std::int16_t>& samples) {
+    return service::RfFrame{waves.samples, waves.elements, {samples.begin(), samples.end()}};
+  };
+  w.geometry = {waves.center_frequency_hz, waves.sampling_frequency_hz, waves.stated_speed_m_s,
+                waves.pitch_m};
+  w.pre = frame(rf.pre), w.post = frame(rf.post);
+  w.force = {of->force_n(), block.face_width_m * block.face_across_m};
+  const double width_m = waves.pitch_m * static_cast<double>(waves.elements), middle_m = width_m / 2;
+  w.extent = {width_m, block.depth_m, 0, block.poisson_ratio, service::Plane::kSolid, block.face_across_m};
+  const double deeper = waves.speed_m_s / waves.stated_speed_m_s;  // than it looks
+  if (block.contrast != 1)
+    w.lumps = {{middle_m, block.sphere_depth_m / deeper, block.sphere_m, block.contrast, true}};
+  w.modulus_pa = [=](double x, double y) { return block.true_modulus(x - middle_m, y * deeper); };
+  w.axial_m = [=](double x, double y) { return of->at(x - middle_m, y * deeper).y() / deeper; };
+  return w;
+}
+
+}  // namespace
+
+std::vector<RealRow> independent_rows() {
+  constexpr double kTilt = .1;  // of the push, at the face's ends
+  const auto solved = std::make_shared<Solved>();
+  std::vector<RealRow> rows;
+  const auto add = [&](const std::string& name, double contrast, bool quick, Block block,
+                       const PlaneWaves& waves = {}) {
+    block.contrast = contrast;
+    rows.push_back({"independent: " + name, contrast, quick,
+                    [=](std::uint64_t seed, double) { return window_of(block, waves, *solved, seed); },
+                    block.width_m < Block().width_m ? Truth::kIndependentBeside : Truth::kIndependent});
+  };
+  Block wide, near, nearer, sliding, near_sliding, tilted;
+  near.width_m = .080, near.across_m = .060;
+  nearer.width_m = nearer.across_m = .060;
+  near_sliding = near, near_sliding.bonded_face = sliding.bonded_face = false;
+  tilted.tilt = kTilt * tilted.push_m / (tilted.face_width_m / 2);
+  PlaneWaves attenuated, aberrated, faster, dense, all;
+  attenuated.attenuation_db_cm_mhz = all.attenuation_db_cm_mhz = .5;
+  aberrated.aberration_s = all.aberration_s = 10e-9;
+  faster.speed_m_s = all.speed_m_s = 1.02 * faster.stated_speed_m_s;
+  dense.scatterers_per_cell = all.scatterers_per_cell = 8;
+  add("wide", 1, false, wide);
+  add("wide", 3, false, wide);
+  add("ends 21 mm beside the face", 1, false, near);
+  add("ends 21 mm beside the face", 3, true, near);
+  add("ends 11 mm beside the face", 1, false, nearer);
+  add("ends 11 mm beside the face", 3, false, nearer);
+  add("wide, sliding face", 3, false, sliding);
+  add("ends 21 mm beside the face, which slides", 1, false, near_sliding);
+  add("wide, 0.5 dB/cm/MHz", 3, false, wide, attenuated);
+  add("wide, aberration of 10 ns", 3, false, wide, aberrated);
+  add("wide, sound 2 % faster", 3, false, wide, faster);
+  add("wide, tilted by 10 %", 3, false, tilted);
+  add("wide, 8 scatterers a cell", 3, false, wide, dense);
+  add("wide, all of these", 3, true, tilted, all);
+  return rows;
+}
+
+}  // namespace teletact::bench
