@@ -381,10 +381,9 @@ void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
 }  // namespace
 
 const char* name_of(ModulusFlag flag) {
-  static constexpr const char* kNames[] = {"noise",     "streaks", "untracked",   "ramp",   "out-of-plane",
-                                           "pressure",  "extent",  "wrong-force", "misfit", "deadline",
-                                           "elevation", "image",   "axis",        "cut",    "coupling",
-                                           "models",    "unstated"};
+  static constexpr const char* kNames[] = {"noise",     "streaks", "untracked",   "ramp",    "out-of-plane",
+                                           "pressure",  "extent",  "wrong-force", "misfit",  "deadline",
+                                           "elevation", "cut",     "models",      "unstated"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(ModulusFlag::kLast) + 1);
   return kNames[static_cast<std::size_t>(flag)];
 }

@@ -67,10 +67,7 @@ enum class ModulusFlag {
   kMisfit,      // no modulus explains the displacement within its noise
   kDeadline,    // it did not settle
   kElevation,   // what is stated of face and depth contradicts the strain
-  kImage,       // the frames do not oscillate: no RF
-  kAxis,        // they oscillate across the stated depth
   kCut,         // of its plan not all was afforded
-  kCoupling,    // part of the image is no tissue but what couples the probe to it
   kModels,      // the strain does not tell models of the tissue apart that differ in the modulus
   kUnstated,    // what was not stated of face and tissue, or not well, leaves the modulus open
   kLast = kUnstated
