@@ -25,8 +25,4 @@ Eigen::VectorXd as_measured(const Eigen::VectorXd& strain, const CellGrid&, cons
 double at_node(const Eigen::VectorXd& of_cells, const CellGrid&, const ImageGrid&, double top_m,
                std::size_t n);
 
-inline double squared(double v) {
-  return v * v;
-}
-
 }  // namespace teletact::service

@@ -50,7 +50,6 @@ constexpr double kWorthless = 5;          // ln of the odds against a model that
 constexpr double kLeastWeight = 0.01;     // of a model that counts
 constexpr double kLogLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
 constexpr double kMaxTiltOfSides = 0.2;   // of the push, to an end of the face: with more none are tried
-constexpr double kModelLog = 0.05;        // of ln(strain): what no such model explains
 constexpr int kCoarsePerSolve = 4;        // solves of coarse tissue that take as long as a fine one
 
 constexpr double kFarFromStated = 3, kContradicted = 2;  // deviations of what is stated

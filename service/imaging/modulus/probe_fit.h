@@ -17,6 +17,7 @@ namespace teletact::service {
 
 // Over so much of the image tissue and model differ alike.
 inline constexpr double kAlikeM2 = 25e-6;
+inline constexpr double kModelLog = 0.05;  // of ln(strain): what no such model explains
 inline constexpr double kUsualTilt = 0.3;  // of the push, to an end of the face
 
 // What is tried, decided before the first solve: tissue that goes on beside the probe under a face as stated
@@ -31,9 +32,10 @@ struct ProbeFit {
   CellStrains measured;
   Eigen::VectorXd by_tilt;   // d ln(strain) per unit of tilt
   double lateral_ratio = 0;  // - lateral over axial strain, median of the cells that are observed
-  // What ln E is beyond that of the likeliest tissue, in the mean over all by their weights; and its change
-  // by one standard deviation of each thing that the strain leaves open.
-  Eigen::VectorXd shift;
+  // What ln E is beyond that of the likeliest tissue, in the mean over all by their weights; the root of its
+  // variance between them; and its change by one standard deviation of each thing that the likeliest leaves
+  // open of itself.
+  Eigen::VectorXd shift, between;
   std::vector<Eigen::VectorXd> changes;
   double common_log = 0;     // of ln E: the mesh, what the tissue does at its sides, what was not tried
   double rest = 0;           // of ln(strain): what is unexplained where tissue looks homogeneous

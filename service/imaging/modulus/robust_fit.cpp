@@ -18,10 +18,6 @@ constexpr double kMinRest = 0.02;
 constexpr double kCauchy = 1.5;  // in scales
 constexpr int kReweighted = 12;
 
-double squared(double v) {
-  return v * v;
-}
-
 }  // namespace
 
 RobustFit fit_robustly(const VectorXd& field, const VectorXd& told, const std::vector<FitColumn>& columns,

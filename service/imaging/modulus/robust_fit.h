@@ -6,6 +6,10 @@
 
 namespace teletact::service {
 
+inline double squared(double v) {
+  return v * v;
+}
+
 struct FitColumn {
   Eigen::VectorXd by;    // of the field, per unit
   double usual = 0;      // what is known of its number beforehand,

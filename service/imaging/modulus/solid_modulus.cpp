@@ -25,7 +25,6 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kModelLog = 0.05;  // of ln(strain) of a cell: what no such model explains
 // A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
 constexpr double kOverstep = 1.4;
 constexpr double kUnobservedLog = 0.6931;  // ln 2: of what no strain tells
