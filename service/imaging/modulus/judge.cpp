@@ -234,10 +234,11 @@ void untracked(const ModulusInput& in, ModulusEstimate& out) {
              100 * without / inside);
 }
 
-void ramp(const ModulusInput& in, ModulusEstimate& out) {
+// Less than the noise of each strain is none.
+void ramp(const ModulusInput& in, double noise, ModulusEstimate& out) {
   const Eigen::Vector3d plane = background_plane(in, out);
   const double across = std::exp(std::abs(plane[1])), down = std::exp(std::abs(plane[2]));
-  if (std::max(across, down) > kMaxRamp)
+  if (std::max(across, down) > std::max(kMaxRamp, std::exp(noise)))
     out.warn(ModulusFlag::kRamp,
              "the background's modulus ramps by a factor of {:.2f} across and {:.2f} down the window: the "
              "probe may be tilted or touch in part, or the tissue's extent be another than stated",
@@ -249,12 +250,13 @@ void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
   const double nu = in.tissue.poisson_ratio;
   const double expected = out.lateral_ratio.value_or(in.tissue.plane == Plane::kStrain ? nu / (1 - nu) : nu);
   if (ratio && std::abs(*ratio - expected) > kMaxLateralRatio)
-    out.warn(ModulusFlag::kOutOfPlane,
-             "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it gives way "
-             "across the image plane, or nu or the plane condition is another; the modulus is off by a third "
-             "to twofold{}",
-             *ratio, expected,
-             in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID");
+    out.warn(
+        ModulusFlag::kOutOfPlane,
+        "the tissue spreads sideways by {:.2f} of its axial strain, not by {:.2f} as assumed: it gives way "
+        "across the image plane, or nu or the plane condition is another; the modulus is off by a third "
+        "to twofold{}",
+        *ratio, expected,
+        in.tissue.plane == Plane::kSolid ? "" : "; a narrow probe on wide tissue is a SOLID");
 }
 
 // |d log P / d nu| x 0.01 (T3.4). Near nu = 1/2 the tissue carries the push by pressure as far as it cannot
@@ -387,7 +389,7 @@ double correlation_with_common(double length_m, double own, double common) {
 void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   const OwnDeviation own = deviation(in, out);
   untracked(in, out);
-  ramp(in, out);
+  ramp(in, own.noise, out);
   out_of_plane(in, out);
   std::vector<Part> parts;
   const auto widened_by = [&](ModulusFlag cause, const auto& step) {

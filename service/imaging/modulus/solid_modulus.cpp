@@ -132,7 +132,7 @@ class SolidModulusMethod : public ModulusMethod {
           "{:.0f} % of the strain is unexplained, and there was no time ({}) to try another depth, tissue "
           "that ends beside the probe, and one that slides; give more time",
           100 * fit.rest, in.budget.why_solves);
-    if (fit.rest > kMaxRest)
+    if (fit.rest > std::hypot(kMaxRest, level_of(fit.measured.deviation, fit.measured.observed)))
       out.warn(ModulusFlag::kMisfit,
                "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it looks "
                "homogeneous; check the probe's size and the tissue's depth and support",
