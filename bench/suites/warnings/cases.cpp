@@ -173,7 +173,8 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
        {ModulusFlag::kModels, false},
        {ModulusFlag::kUnstated, false}},
       usual);
-  row("noise of the displacement 8 um", {{ModulusFlag::kNoise, true}},
+  row("noise of the displacement 8 um",
+      {{ModulusFlag::kNoise, true}, {ModulusFlag::kMisfit, false}, {ModulusFlag::kRamp, false}},
       changed([](WarnedWindow& w) { w.displacement.noise_m = 8e-6; }));
   row("bottom slides", {{ModulusFlag::kMisfit, false}},
       other([](Tissue& t) { t.solid->support = Support::kSliding; }));

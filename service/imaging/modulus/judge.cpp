@@ -239,10 +239,11 @@ void untracked(const ModulusInput& in, ModulusEstimate& out) {
              100 * without / inside);
 }
 
-void ramp(const ModulusInput& in, ModulusEstimate& out) {
+// Less than the noise of each strain is none.
+void ramp(const ModulusInput& in, double noise, ModulusEstimate& out) {
   const Eigen::Vector3d plane = background_plane(in, out);
   const double across = std::exp(std::abs(plane[1])), down = std::exp(std::abs(plane[2]));
-  if (std::max(across, down) > kMaxRamp)
+  if (std::max(across, down) > std::max(kMaxRamp, std::exp(noise)))
     out.warn(ModulusFlag::kRamp,
              "the background's modulus ramps by a factor of {:.2f} across and {:.2f} down the window: the "
              "probe may be tilted or touch in part, or the tissue's extent be another than stated",
@@ -398,7 +399,7 @@ void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   out.common_deviation = common_deviation(in, strips, out);
   const OwnDeviation own = deviation(in, out);
   untracked(in, out);
-  ramp(in, out);
+  ramp(in, own.noise, out);
   out_of_plane(in, out);
   std::vector<Part> parts;
   const auto widened_by = [&](ModulusFlag cause, const auto& step) {

@@ -133,7 +133,7 @@ class SolidModulusMethod : public ModulusMethod {
     if (!fit.contradicted.empty())
       out.warn(ModulusFlag::kElevation, "{}; the modulus is of what the strain shows: check it",
                fit.contradicted);
-    if (fit.rest > kMaxRest)
+    if (fit.rest > std::hypot(kMaxRest, level_of(fit.measured.deviation, fit.measured.observed)))
       out.warn(ModulusFlag::kMisfit,
                "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it looks "
                "homogeneous; check the probe's size and the tissue's depth and support",
