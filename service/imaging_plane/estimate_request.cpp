@@ -88,7 +88,7 @@ void settle_force(EstimateRequest& r, const Limits& limits) {
         "shows without a load, or press further",
         field, r.force_zero_n, force.force_n));
   const double shown_n = force.force_n - r.force_zero_n;
-  check_deviation(field + "force_std_n", r.force_std_n, shown_n, "3 % of it");
+  check_deviation(field + "force_std_n", r.force_std_n, shown_n, "3 % of it; or press further");
   check_deviation(field + "force_zero_std_n", r.force_zero_std_n, shown_n, "none of its own");
   check_deviation(field + "force_gain_std", r.force_gain_std, r.force_gain, "none of its own");
   check_deviation(field + "contact_area_std_m2", r.contact_area_std_m2, force.contact_area_m2, "5 % of it");
@@ -184,7 +184,8 @@ void settle_deviations(EstimateRequest& r, bool with_scene) {
   require_between(
       "acquisition.preload_m", r.preload_m, 0.0, tissue.depth_m / 2,
       "give by how much the probe was pressed in when the pre frame was taken, in metres, or leave it out");
-  check_deviation("preload_std_m", r.preload_std_m, tissue.depth_m / 2, "none");
+  require_between("acquisition.preload_std_m", r.preload_std_m, 0.0, tissue.depth_m / 2,
+                  "give its standard deviation in metres, or leave it out");
   if (r.force)  // T3.10
     r.force->shared_deviation =
         std::hypot(r.force->shared_deviation, std::hypot(r.preload_m, r.preload_std_m) / tissue.depth_m);

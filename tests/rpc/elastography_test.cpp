@@ -124,7 +124,7 @@ TEST_F(Estimates, AWindowShowsWhatItWasMadeOf) {
   EXPECT_EQ(e.background_modulus_pa(), outcome.summary.background_modulus_pa());
   EXPECT_EQ(e.quality(), outcome.summary.quality());
   EXPECT_GT(e.youngs_modulus_log_std(), common);
-  EXPECT_NEAR(e.youngs_modulus_log_std(), outcome.summary.youngs_modulus_log_std(), 0.02);
+  EXPECT_NEAR(e.youngs_modulus_log_std(), outcome.summary.youngs_modulus_log_std(), 0.08);
   EXPECT_GT(e.youngs_modulus_correlation_m(), 1e-4);
   EXPECT_EQ(e.youngs_modulus_correlation_m(), outcome.summary.youngs_modulus_correlation_m());
   EXPECT_GT(e.measured_share(), 0.5);
