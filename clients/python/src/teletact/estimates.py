@@ -61,13 +61,13 @@ def acquisition_of(pre: Any, post: Any, *, frame: str, plane: str | None, method
         if value is not None:
             setattr(out, field, float(value))
     if (force_n is None) != (contact_area_m2 is None):
-        raise InvalidArgument("one of a pair", field="force_n, contact_area_m2", remedy="give both or none")
+        raise InvalidArgument("only one is given", field="force_n, contact_area_m2", remedy="give both or none")
     if force_n is not None and contact_area_m2 is not None:
         out.probe_force.force_n, out.probe_force.contact_area_m2 = force_n, contact_area_m2
         out.probe_force.force_std_n = force_std_n or 0
         out.probe_force.contact_area_std_m2 = contact_area_std_m2 or 0
     if (publish is None) != (window_x_m is None):
-        raise InvalidArgument("one of a pair", field="publish, window_x_m",
+        raise InvalidArgument("only one is given", field="publish, window_x_m",
                               remedy="give the scene and where the window's left border is in it, or neither")
     if publish is not None and window_x_m is not None:
         out.publish.scene_id = publish
