@@ -225,12 +225,12 @@ void add_serve(CLI::App& app, ServeOptions& o) {
                       "metrics and health over HTTP, for this machine: 127.0.0.1:PORT or unix:/path");
   command->add_option(
       "--device", o.devices,
-      "index or part of the name of an OpenCL device, /PARTS after it for so many equal parts "
-      "of it; again for a further device");
+      "index of an OpenCL device, or part of its name; append /PARTS to divide it into equal parts; "
+      "repeat for further devices");
   command->add_option("--state", o.server.state_directory, "folder in which scenes survive the service");
   command->add_flag("--standby", o.server.standby,
-                    "where another service has the folder of --state, wait for it; when stopped, give it to "
-                    "one that waits before touches end");
+                    "if another service holds the --state folder, wait for it; when stopped, hand it to a "
+                    "waiting service before touches end");
   command->add_option("--config", o.config, "TOML file with these options, '_' for '-'");
   command->add_option("--kernel-directory", o.device.kernel_directory,
                       "read .cl files from there (development)");

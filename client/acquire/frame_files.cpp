@@ -62,7 +62,7 @@ Orientation orientation_of(const MetaImage& image, const std::string& file) {
   out.across = is(0, "MU");
   if (!(out.across && is(1, "FN")) && !(is(0, "FN") && is(1, "MU")))
     throw FrameInputError(
-        fmt::format("{}: {} = {} is no plane of A-lines; save one whose axes are M or U, and F or N", file,
+        fmt::format("{}: {} = {} is not a plane of A-lines; save one with axes M or U, and F or N", file,
                     kField, shown(out.said)));
   out.backwards = is(out.across ? 1 : 0, "N");
   out.said = fmt::format("{} = {}", kField, shown(out.said));
@@ -112,7 +112,7 @@ void take_spacing_of_frame(MetaImage& image, const std::string& field, const std
   double axial = 0, lateral = 0;
   if (!(in >> axial >> lateral) || !(axial > 0) || !(lateral > 0))
     throw FrameInputError(
-        fmt::format("{}: {} = {} is no spacing; correct the header", file, field, shown(said)));
+        fmt::format("{}: {} = {} is not a spacing; correct the header", file, field, shown(said)));
   image.spacing = {axial, lateral};
 }
 

@@ -245,10 +245,9 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
     if (length_m > 0) return length_m;
     return nullptr;
   };
-  json["tissue"] = {{"width_m", stated(tissue.width_m)},
-                    {"width_assumed", tissue.width_assumed},
-                    {"depth_m", stated(tissue.depth_m)},
-                    {"depth_assumed", tissue.depth_assumed}};
+  json["tissue"] = {{"width_m", stated(tissue.width_m)}, {"depth_m", stated(tissue.depth_m)}};
+  if (acquisition.plane() != v1::PLANE_CONDITION_SOLID)  // the model says what was assumed of a solid
+    json["tissue"].update({{"width_assumed", tissue.width_assumed}, {"depth_assumed", tissue.depth_assumed}});
   add_numbers(acquisition, json["acquisition"]);
   if (acquisition.has_probe_force())
     add_numbers(acquisition.probe_force(), json["acquisition"]["probe_force"]);

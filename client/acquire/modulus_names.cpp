@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 namespace teletact::client {
 
 namespace v1 = ::teletact::v1;
@@ -28,10 +30,12 @@ std::string name_of(v1::ModulusMethod method) {
   return "unknown";
 }
 
-std::string background_of(const v1::EstimateSummary& summary) {
-  const std::string kpa = fmt::format("{:.2f} kPa", 1e-3 * summary.background_modulus_pa());
-  if (!summary.has_youngs_modulus_log_std()) return kpa;
-  return kpa + fmt::format(" +- {:.0f} %", 100 * summary.youngs_modulus_log_std());
+std::string background_of(double background_pa, double log_deviation) {
+  const std::string kpa = fmt::format("{:.2f} kPa", 1e-3 * background_pa);
+  if (!(log_deviation > 0)) return kpa;
+  const double factor = std::exp(1.96 * log_deviation);
+  return kpa + fmt::format(" (95 %: {:.2f} to {:.2f})", 1e-3 * background_pa / factor,
+                           1e-3 * background_pa * factor);
 }
 
 }  // namespace teletact::client

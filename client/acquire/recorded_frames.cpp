@@ -59,9 +59,9 @@ void check_options(const RecordedFrameOptions& options) {
         "rests, zero at the top)");
   if (options.probe_elevation_m > 0 && plane_of(options) != v1::PLANE_CONDITION_SOLID)
     throw FrameInputError(options.plane == v1::PLANE_CONDITION_UNSPECIFIED
-                              ? "--probe-elevation-m: of solid tissue alone, and this --modulus-method is "
-                                "one of plane strain; leave one of the two out"
-                              : "--probe-elevation-m: of solid tissue alone; leave it out, or --plane");
+                              ? "--probe-elevation-m: for solid tissue only, and this --modulus-method is "
+                                "for plane strain; leave one of the two out"
+                              : "--probe-elevation-m: for solid tissue only; leave it out, or --plane");
 }
 
 void check_alike(const RecordedFrame& pre, const RecordedFrame& post) {

@@ -102,7 +102,7 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
         std::abs(scene.geometry().size_m(axis) - geometry.size_m(axis)) > 1e-9)
       throw CommandError("--scene " + scene_id + ": it exists with another size; choose another scene");
   const std::string has = fmt::format("scene {} exists, with {} windows: ", scene_id, scene.windows_size());
-  say(scene.windows_size() == 0 ? has + "going on with it"
+  say(scene.windows_size() == 0 ? has + "it is used"
                                 : "warning: " + has +
                                       "they stay beside this patient's until those replace them. If they are "
                                       "another's, end this, and give another --scene");
@@ -128,7 +128,7 @@ AcquireObserver observe(const AcquireArguments& arguments, AcquireRecorder& reco
       for (const v1::StageTime& stage : summary.stages()) service_s += stage.seconds();
     std::printf("%s  pass %u  asked to published %.0f ms, service %.0f ms, background %s\n", place.c_str(),
                 timing.pass() + 1, (timing.published_ns() - timing.asked_ns()) * 1e-6, service_s * 1e3,
-                background_of(summary).c_str());
+                background_of(summary.background_modulus_pa(), summary.youngs_modulus_log_std()).c_str());
     say_doubts(summary);
   };
   const auto say_slice = [&arguments](std::size_t slice, const char* words, std::uint64_t version) {
@@ -293,7 +293,7 @@ CLI::Option* add_slice_options(CLI::App& command, AcquireArguments& arguments) {
       ->needs(slices);
   command
       .add_flag("--unlike-model", arguments.unlike_model,
-                "--seed's patient is unlike what an estimate assumes in every way")
+                "--seed's patient violates every assumption of an estimate")
       ->needs(slices, command.get_option("--seed"));
   command
       .add_option("--save-modulus", arguments.save_modulus_path,
@@ -324,7 +324,8 @@ void add_window_options(CLI::App& command, AcquireArguments& arguments, CLI::Opt
       ->excludes(slices);
   command.add_option("--lookahead", acquire.planner.lookahead, "windows acquired ahead of the finger")
       ->check(CLI::Range(1, 8));
-  command.add_option("--refresh-after-s", acquire.planner.refresh_after_s, "older windows are acquired anew")
+  command
+      .add_option("--refresh-after-s", acquire.planner.refresh_after_s, "older windows are acquired again")
       ->check(above_zero());
   command.add_option("--passes-prepared", arguments.passes, "RF pairs simulated for each window beforehand")
       ->check(CLI::Range(1, 1000));
@@ -369,7 +370,7 @@ void add_acquire_command(CLI::App& app) {
                   "a random patient with hidden inclusions; without it the patient is --tissue's")
       ->excludes(tissue);
   command.add_option("--save-tissue", arguments->save_tissue_path,
-                     "write the tissue, the truth for report; without it it is not kept");
+                     "write the tissue, the truth for report (default: not kept)");
   command.add_flag("--until-finger-leaves", acquire.until_finger_leaves,
                    "end when the finger has come and gone");
   command

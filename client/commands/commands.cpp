@@ -38,7 +38,8 @@ std::string not_finite(const std::string& text) {
 // Names end up in messages and in JSON, which take UTF-8 alone and would refuse others after the work is
 // done.
 std::string not_utf8(const std::string& text) {
-  return is_utf8(text) ? "" : "its bytes are no UTF-8; rename it, or go to its folder and leave the path out";
+  return is_utf8(text) ? ""
+                       : "its bytes are not UTF-8; rename it, or go to its folder and leave the path out";
 }
 
 // After the option's own checks.
@@ -109,7 +110,7 @@ CLI::Option* add_optional_service_options(CLI::App& command, std::string& addres
 }
 
 void add_force_option(CLI::App& command, bool& force) {
-  command.add_flag("--force", force, "write over files that exist");
+  command.add_flag("--force", force, "overwrite existing files");
 }
 
 void require_new_files(const std::vector<NamedFile>& files, bool force) {

@@ -78,8 +78,8 @@ void take_settings(CLI::App& command, const std::string& path) {
 void add_device_settings(CLI::App& command) {
   command.add_option_function<std::string>(
       "--device-settings", [&command](const std::string& path) { take_settings(command, path); },
-      "TOML file with the device and its options, named as in the groups below (scale = 4); an option that "
-      "is given beside it wins; without it they have their defaults");
+      "TOML file with the device and its options, named as in the groups below (scale = 4); the command "
+      "line wins; without it they have their defaults");
 }
 
 void add_workspace_options(CLI::App& command, WorkspaceOptions& workspace) {
@@ -89,17 +89,17 @@ void add_workspace_options(CLI::App& command, WorkspaceOptions& workspace) {
   command.add_option("--rotation-deg", workspace.rotation_deg,
                      "how far it stands turned to the left, seen from above");
   command.add_option("--clutch-button", workspace.clutch_button,
-                     "while this one is down the finger stands still and the device moves; 0: no button");
+                     "while this button is down the device moves and the finger stays; 0: no button");
   command.add_flag("--device-without-noise", workspace.without_noise,
-                   "its positions have no noise: one that stands still to the last bit under force for 0.1 s "
-                   "is no FAULT");
+                   "its positions have no noise: standing still to the last bit under force for 0.1 s is not "
+                   "a FAULT");
 }
 
 void add_scale_options(CLI::App& command, WorkspaceOptions& workspace) {
   command.option_defaults()->group(kRealDevice);
   command.add_option("--scale", workspace.scale,
-                     "metres of the scene per metre of the device, 1 to 20: stiffness at the hand is as many "
-                     "times the tissue's, unless --force-scale takes it back");
+                     "metres of the scene per metre of the device, 1 to 20: multiplies the stiffness at the "
+                     "hand, unless --force-scale reduces it");
   command.add_option("--force-scale", workspace.force_scale,
                      "newtons at the hand per newton of the tissue, 0.05 to --scale");
 }

@@ -1,8 +1,12 @@
 // teletact-client estimate: recorded frames -> displacement, strain, correlation and modulus on disk.
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <limits>
 #include <memory>
 
 #include "client/acquire/map_output.h"
@@ -58,13 +62,23 @@ EstimateCallbacks progress() {
   return callbacks;
 }
 
-void print(const v1::Acquisition& acquisition, const v1::EstimateSummary& summary) {
+double median_of(std::vector<float> log_deviation) {
+  std::erase_if(log_deviation, [](float deviation) { return !std::isfinite(deviation); });
+  if (log_deviation.empty()) return 0;
+  const auto middle = log_deviation.begin() + static_cast<std::ptrdiff_t>(log_deviation.size() / 2);
+  std::nth_element(log_deviation.begin(), middle, log_deviation.end());
+  return *middle;
+}
+
+void print(const v1::Acquisition& acquisition, const EstimateOutcome& outcome) {
+  const v1::EstimateSummary& summary = outcome.summary;
   std::printf(
       "%u x %u samples: quality %.2f, median correlation %.3f, valid %.1f %%, mean axial strain %.3f %%, ",
       acquisition.sample_count(), acquisition.line_count(), summary.quality(), summary.median_correlation(),
       100 * summary.valid_fraction(), 100 * summary.mean_axial_strain());
   if (summary.modulus_absolute())
-    std::printf("background %s%s\n", background_of(summary).c_str(),
+    std::printf("background %s%s\n",
+                background_of(summary.background_modulus_pa(), summary.youngs_modulus_log_std()).c_str(),
                 tissue_extent(acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
     std::printf("modulus relative to its median (no force given)\n");
@@ -99,7 +113,7 @@ void run_pair(EstimateClient& client, const std::shared_ptr<grpc::Channel>& chan
   let_writing_end();
   const auto files =
       write_estimate(out, pair.acquisition, outcome, {frames.pre, frames.post, pair.made, get_info(channel)});
-  print(pair.acquisition, outcome.summary);
+  print(pair.acquisition, outcome);
   for (const std::string& warning : outcome.summary.warnings())
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   warn_if_stretched(outcome.summary);
@@ -154,7 +168,7 @@ void print(const EstimatedPlace& place) {
   const JoinedModulus& joined = place.joined;
   std::printf("%zu of %zu pairs used, ", joined.used, place.pairs.size());
   if (place.absolute)
-    std::printf("background %.2f kPa\n", 1e-3 * place.background);
+    std::printf("background %s\n", background_of(place.background, median_of(joined.log_deviation)).c_str());
   else
     std::printf("modulus relative to its median\n");
   if (joined.used > 1)
@@ -215,14 +229,16 @@ void add_usual_options(CLI::App& command, RecordedSetOptions& set) {
       ->required();
   command
       .add_option("--post", set.post,
-                  "frame after compression; several, of one place: what each pair says is joined")
+                  "frame after compression; several of one place: their estimates are combined")
       ->required();
   command.add_option("--center-frequency-hz", frames.center_frequency_hz, "of the transducer")->required();
   command.add_option("--sampling-frequency-hz", frames.sampling_frequency_hz,
-                     "of the RF; without it .mha and .mat are refused, a .uff file's z_axis says it");
+                     "of the RF; .mha and .mat need it (default: by a .uff file's z_axis)");
   command
-      .add_option("--frame", frames.frame,
-                  "LAB: the far side rests; PROBE: the probe face rests; without it nothing is estimated")
+      .add_option(
+          "--frame", frames.frame,
+          "PROBE: the probe's face rests, as in a scanner's images (nearly always); LAB: the far side "
+          "rests; without it nothing is estimated")
       ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
   CLI::Option* force = command.add_option(
       "--force-n", set.force_n,
@@ -239,8 +255,8 @@ void add_usual_options(CLI::App& command, RecordedSetOptions& set) {
   command
       .add_option(
           "--tissue-width-m", frames.tissue_width_m,
-          "of the tissue that the probe stands on the middle of (default: of a plane the frame's width, of "
-          "a solid as the strain tells)")
+          "of the tissue, with the probe at its middle (default: of a plane the frame's width, of a solid as "
+          "the strain tells)")
       ->check(above_zero());
 }
 
@@ -259,9 +275,9 @@ void add_file_options(CLI::App& command, RecordedSetOptions& set) {
                   ".mat: depth runs along rows or columns; without it a .mat is refused")
       ->transform(CLI::IsMember({"rows", "columns"}, CLI::ignore_case));
   command.add_option("--pre-frame", set.pre_frame,
-                     "of a file with several frames: which, from 0; without it such a file is refused");
+                     "which frame of a file with several, from 0; without it such a file is refused");
   command.add_option("--post-frame", set.post_frame,
-                     "of a file with several frames: which, from 0; without it such a file is refused");
+                     "which frame of a file with several, from 0; without it such a file is refused");
   command.add_option("--spacing-unit", frames.spacing_unit, ".mha: unit of the header's spacing and offset")
       ->check(CLI::IsMember({"m", "mm"}));
   command.add_option("--line-pitch-m", frames.line_pitch_m, "distance of two A-lines (default: the file's)");
@@ -298,7 +314,13 @@ void add_estimate_command(CLI::App& app) {
   command.add_option("--out", arguments->out, "folder for the results")->required();
   add_file_options(command, arguments->set);
   add_method_options(command, arguments->set.common);
-  command.callback([arguments] { run(*arguments); });
+  command.callback([arguments] {
+    if (arguments->set.common.frame.empty())
+      throw UsageError(
+          "give --frame PROBE (the probe's face rests, as in a scanner's images) or --frame LAB (the far "
+          "side rests)");
+    run(*arguments);
+  });
 }
 
 }  // namespace teletact::client

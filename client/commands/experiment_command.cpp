@@ -168,7 +168,7 @@ std::vector<AnsweredTrial> ask(const ExperimentArguments& arguments) {
     const std::string then =
         kept.path.empty() ? "with --csv answers would have been kept"
         : answered == 0   ? "nothing was answered yet: begin again once it is there"
-                          : fmt::format("the answers to trials 1 to {} are in {}: go on with --resume {}",
+                          : fmt::format("the answers to trials 1 to {} are in {}: continue with --resume {}",
                                         answered, kept.path, kept.path);
     throw CommandError(std::string(lost.what()) + "; " + then);
   }

@@ -20,10 +20,11 @@ void add_stimulus_options(CLI::App& command, ExperimentArguments& arguments, CLI
       ->needs(service);
   auto* renderer =
       command
-          .add_option("--renderer", arguments.renderer,
-                      "feel through the whole chain: kalman, told of the stiffness at --update-hz, --age-s "
-                      "late, or by a --service; without it stiffness is perfect, and that of a --service "
-                      "felt by its contact law (law)")
+          .add_option(
+              "--renderer", arguments.renderer,
+              "feel through the whole chain: kalman, which gets the stiffness at --update-hz, --age-s "
+              "late, or from a --service; without it stiffness is perfect, and that of a --service "
+              "felt by its contact law (law)")
           ->check(CLI::IsMember(renderer_names()));
   command.add_option("--update-hz", arguments.chain.update_hz, "answers a second that --renderer is given")
       ->check(CLI::Range(1.0, 1000.0))
@@ -36,7 +37,7 @@ void add_stimulus_options(CLI::App& command, ExperimentArguments& arguments, CLI
   auto* inclusion = command
                         .add_option("--inclusion-m", arguments.tissue.place.width_m,
                                     "width of an inclusion, 30 mm to the right, that alone has the stimulus; "
-                                    "without it it is felt everywhere")
+                                    "without it the whole tissue has")
                         ->check(CLI::Range(0.01, 0.05));
   command
       .add_option("--edge-m", arguments.tissue.place.edge_m,
@@ -90,11 +91,12 @@ void add_experiment_options(CLI::App& command, ExperimentArguments& arguments) {
                        "bar) and types y or n; no stiffness is shown");
   command
       .add_option("--device", arguments.device.device,
-                  "inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the keyboard, by which a "
-                  "--service is not felt")
+                  "inverse3[:URL], plugin:FILE[,SETTINGS], simulated; without it the keyboard, which cannot "
+                  "feel a --service")
       ->needs(person);
   add_device_settings(command);
-  command.add_option("--background-n-m", arguments.plan.background_n_m, "that each stimulus is felt beside");
+  command.add_option("--background-n-m", arguments.plan.background_n_m,
+                     "stiffness that each stimulus is compared with");
   command.add_option("--stimuli", arguments.plan.stimuli_n_m, "N/m; spread them about the threshold");
   command.add_option("--trials", arguments.plan.trials_per_stimulus, "of each stimulus");
   command.add_flag("--counterbalanced", arguments.plan.counterbalanced,
@@ -115,14 +117,14 @@ void add_experiment_options(CLI::App& command, ExperimentArguments& arguments) {
   auto* refit =
       command
           .add_option("--refit", arguments.refit,
-                      "ask nobody: fit the answers of an earlier --csv; without it they are asked for")
+                      "ask no questions: fit the answers of an earlier --csv; without it trials run")
           ->excludes(csv)
           ->excludes(service);
   command
       .add_option(
           "--resume", arguments.resume,
-          "go on with the observer of an earlier --csv where it ended, in its order; the other options "
-          "as they were; without it a new one begins")
+          "continue an earlier --csv where it ended, with its observer and order; give the other options as "
+          "before; without it a new experiment begins")
       ->excludes(csv)
       ->excludes(refit)
       ->excludes(seed);

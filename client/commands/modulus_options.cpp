@@ -72,8 +72,8 @@ void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
 void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::string& usual) {
   add_named(
       command, "--plane", plane, plane_conditions(),
-      "solid: tissue that goes on around a narrow probe, ends beside it, or is as wide as the probe, as the "
-      "strain tells; strain: the tissue's neighbours hold it; stress: a thin slice (default: " +
+      "solid: tissue that continues around a narrow probe, ends beside it, or is as wide as the probe, as "
+      "the strain shows; strain: the tissue's neighbours hold it; stress: a thin slice (default: " +
           usual + ")");
 }
 
@@ -84,8 +84,8 @@ void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& t
   command
       .add_option(
           "--modulus-time-limit-s", time_limit_s,
-          "work on the modulus, counted before it begins in seconds of a usual core; a service takes 60 s "
-          "at most unless its limits say otherwise")
+          "longest work on the modulus, predicted in seconds of a typical core; a service allows at most "
+          "60 s unless its limits say otherwise")
       ->check(above_zero())
       ->default_str(time_limit_s > 0 ? std::to_string(std::lround(time_limit_s)) : "what the finger leaves");
 }

@@ -227,12 +227,12 @@ void add_patient_command(CLI::App& app) {
                                           "tissue file (TOML); without it a random patient");
   command
       ->add_flag("--unlike-model", options->unlike_model,
-                 "a solid that is unlike what an estimate assumes in every way, drawn by --seed")
+                 "a solid that violates every assumption of an estimate, drawn by --seed")
       ->excludes(file);
   command->add_option("--seed", options->seed, "random patient, or fresh scatterers and noise for --tissue")
       ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max()));
   command->add_option("--save-tissue", options->save_tissue_file,
-                      "write the tissue as a file; without it it is not kept");
+                      "write the tissue as a file (default: not kept)");
   command
       ->add_option("--window-x-m", options->windows,
                    "left borders of the windows (m), or all; of a solid the middle unless given")

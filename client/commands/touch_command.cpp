@@ -189,7 +189,7 @@ void add_tip_options(CLI::App& command, TouchArguments& arguments) {
   command.add_flag("--stuck", arguments.stuck, "the tissue sticks to the tip (else frictionless)");
   CLI::Option* tactile = command.add_flag(
       "--tactile", arguments.tactile,
-      "have tactile images sent, too: they are shown here and recorded; of solid tissue what a lump adds is "
+      "also receive tactile images, shown here and recorded; for solid tissue, what a lump adds is shown "
       "beside them");
   command.add_option("--taxels", arguments.taxels, "of a tactile image, along x and along z")
       ->check(CLI::Range(1U, 32U))
@@ -210,8 +210,8 @@ void add_rendering_options(CLI::App& command, TouchArguments& arguments) {
   command
       .add_option(
           "--tolerance", arguments.tolerance,
-          "what the model may put a force off by, over it: answers beyond that, and beyond 5 mN, are "
-          "DEGRADED; of round tips on solids; without it answers are as the service finds good enough")
+          "largest relative force error of the model: answers that may be off by more, and by over 5 mN, "
+          "are DEGRADED; for round tips on solids; without it the service decides")
       ->check(CLI::Range(0.0, 1.0))
       ->default_str("");
   command
@@ -224,27 +224,27 @@ void add_rendering_options(CLI::App& command, TouchArguments& arguments) {
 
 void add_link_options(CLI::App& command, TouchArguments& arguments) {
   command.option_defaults()->group(kLink);
-  command.add_option("--period-s", arguments.period_s, "wish between answers")->check(CLI::Range(0.001, 1.0));
+  command.add_option("--period-s", arguments.period_s, "desired time between answers")
+      ->check(CLI::Range(0.001, 1.0));
   command.add_option(
       "--session", arguments.session_id,
       "name of this touch for others: one touch of a scene steers its probe (default: random)");
   command.add_option("--hand-over-to", arguments.session.hand_over_to,
-                     "session that steers from when h is pressed here on; without it nobody");
+                     "session that steers once h is pressed here; without it h does nothing");
 }
 
 void add_recording_options(CLI::App& command, TouchArguments& arguments) {
   command.option_defaults()->group(kRecording);
   command.add_option("--json", arguments.json_path,
-                     "write the summary to this file too; without it it is only printed");
-  command.add_flag("--pressure", arguments.pressure,
-                   "have the nodal pressures sent, too, for the recording: twice the bytes");
+                     "write the summary to this file, too (default: only printed)");
+  command.add_flag("--pressure", arguments.pressure, "also record the nodal pressures: twice the bytes");
 }
 
 void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {
   command.option_defaults()->group(kSimulatedDevice);
   command.add_option("--profile", session.profile,
                      "its limits, also of a replayed one: premium-1.5, premium-3.0, omni or touch");
-  command.add_option("--passes", session.passes, "end after so many sweeps; 0: no such end");
+  command.add_option("--passes", session.passes, "end after this many sweeps; 0: no limit");
   command.add_option("--indentation-m", session.hand.indentation_m, "mean indentation")
       ->check(CLI::Range(1e-4, 0.05));
   command.add_option("--speed-m-s", session.hand.speed_m_s, "of the sweep")->check(CLI::Range(0.001, 0.5));
@@ -261,7 +261,7 @@ void add_hand_options(CLI::App& command, OperatorSessionOptions& session) {
                      "where the sweep's line lies on the other axis (default: amid the tissue)");
   command
       .add_option("--circle-radius-m", session.hand.circle_radius_m,
-                  "go in circles about a point that sweeps on by so much in each turn; 0: straight")
+                  "circle around a point that advances by this radius in each turn; 0: straight")
       ->check(CLI::Range(0.0, 0.05));
   command.add_option("--hand-mass-kg", session.hand.mass_kg, "of the hand")->check(CLI::Range(0.01, 0.2));
   command.add_option("--hand-damping-n-s-m", session.hand.damping_n_s_m, "of the hand")
@@ -289,8 +289,8 @@ void add_usual_options(CLI::App& command, TouchArguments& arguments) {
       ->check(zero_or_more());
   command
       .add_option("--duration-s", session.duration_s,
-                  "end after so long with force on; an outage of over 5 s counts too. 0: no such end. "
-                  "Without an end it goes on until Ctrl-C")
+                  "end after this long with force on; outages of over 5 s count too. 0: no limit. "
+                  "Without a limit it runs until Ctrl-C")
       ->check(zero_or_more());
   command.add_option("--record", session.record_path,
                      "keep poses, answers and every servo tick in this file; without it nothing is kept");

@@ -45,7 +45,7 @@ Gateway::Orders orders_of(const WatchArguments& arguments, std::optional<Player>
     const auto fault = order.find("fault");
     for (const char* known : kFaults)
       if (fault != order.end() && *fault == known && !order_fault(pipe, known))
-        say(std::string("fault '") + known + "': nobody takes it");
+        say(std::string("fault '") + known + "': no demo listens to it");
   };
 }
 

@@ -84,7 +84,7 @@ bool ends_a_line(const std::filesystem::path& path) {
 
 ResultsCsv::ResultsCsv(const std::filesystem::path& path, const std::string& remark) : path_(path) {
   if (std::filesystem::exists(path) && !holds_no_answer(path))
-    throw std::runtime_error(path.string() + " exists already; give a new name");
+    throw std::runtime_error(path.string() + " already exists; give another name");
   errno = 0;
   file_.open(path);
   file_.precision(std::numeric_limits<double>::max_digits10);

@@ -92,7 +92,8 @@ Header read_header(const std::filesystem::path& path, std::size_t file_bytes) {
   }
   if (header.has("NDims") && head.size() == kLargestHeaderBytes)
     throw FileError(path, "its header is longer than 16 MiB; save fewer frames in one file");
-  throw FileError(path, "is no MetaImage: its header has no ElementDataFile line; give an .mha or .mhd file");
+  throw FileError(path,
+                  "is not a MetaImage: its header has no ElementDataFile line; give an .mha or .mhd file");
 }
 
 // Numbers of one field; exactly `count` of them, all finite.
@@ -105,7 +106,7 @@ std::vector<double> numbers(const std::filesystem::path& path, const Header& hea
     const double value = std::strtod(word.c_str(), &end);
     if (*end != '\0' || !std::isfinite(value))
       throw FileError(path,
-                      "header field " + key + ": '" + shown(word) + "' is no number; correct the header");
+                      "header field " + key + ": '" + shown(word) + "' is not a number; correct the header");
     values.push_back(value);
   }
   if (values.size() != count)
@@ -153,8 +154,8 @@ const StoredType& stored_type(const std::filesystem::path& path, const std::stri
 void drop_third(const std::filesystem::path& path, MetaImage& image) {
   if (image.size.size() < 4) return;
   if (image.size[2] != 1)
-    throw FileError(path, "NDims is 4: planes of " + std::to_string(image.size[2]) +
-                              " channels or of volumes; beamform them, and save samples x A-lines x frames");
+    throw FileError(path, "NDims is 4: each image has " + std::to_string(image.size[2]) +
+                              " channels or planes; beamform them, and save samples x A-lines x frames");
   for (auto* list : {&image.spacing, &image.origin})
     if (!list->empty()) list->erase(list->begin() + 2);
   image.size.erase(image.size.begin() + 2);

@@ -18,7 +18,8 @@ Eigen::Vector3d vector_of(const json& state, const char* field) {
   for (int axis = 0; axis < 3; ++axis) {
     const auto value = found->find(axes[axis]);
     if (value == found->end() || !value->is_number())
-      throw std::runtime_error(std::string("the Inverse3's ") + field + "." + axes[axis] + " is no number");
+      throw std::runtime_error(std::string("the Inverse3's ") + field + "." + axes[axis] +
+                               " is not a number");
     out[axis] = value->get<double>();
   }
   return out;
@@ -64,7 +65,7 @@ std::optional<Eigen::Vector4d> orientation_of(const json& message, const char* k
 
 Inverse3State parse_inverse3(const std::string& text) {
   const json message = json::parse(text, nullptr, false);
-  if (!message.is_object()) throw std::runtime_error("a message of the Inverse Service is no JSON object");
+  if (!message.is_object()) throw std::runtime_error("a message of the Inverse Service is not a JSON object");
   const auto devices = message.find("inverse3");
   if (devices == message.end() || !devices->is_array() || devices->empty() || !devices->front().is_object())
     throw std::runtime_error("the Inverse Service knows no Inverse3: connect one and switch it on");
@@ -94,7 +95,7 @@ WebSocketUrl parse_websocket_url(const std::string& url) {
   static const std::regex pattern(R"(ws://([^:/?#]+)(?::(\d{1,5}))?(/.*)?)");
   std::smatch match;
   if (!std::regex_match(url, match, pattern))
-    throw std::invalid_argument("'" + url + "' is no WebSocket address; give ws://HOST[:PORT][/PATH]");
+    throw std::invalid_argument("'" + url + "' is not a WebSocket address; give ws://HOST[:PORT][/PATH]");
   return {match[1], match[2].matched ? match[2].str() : "10001", match[3].matched ? match[3].str() : "/"};
 }
 

@@ -36,13 +36,15 @@ PluginDevice::PluginDevice(const std::string& path, std::string settings, const 
   const std::string who = "device plugin '" + path + "'";
   // Absolute, or a plain name would be looked for among the system's libraries.
   library_ = dlopen(std::filesystem::absolute(path).c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (library_ == nullptr) throw std::runtime_error(who + " cannot be loaded: " + dlerror());
+  if (library_ == nullptr)
+    throw std::runtime_error(who + " cannot be loaded: " + dlerror() +
+                             "; check the path, and that what it links to is installed");
   try {
     using Get = const teletact_device_plugin* (*)();
     const auto get = reinterpret_cast<Get>(dlsym(library_, "teletact_device_plugin_get"));
     if (get == nullptr)
       throw std::runtime_error(who +
-                               " is no device plugin: it does not export teletact_device_plugin_get "
+                               " is not a device plugin: it does not export teletact_device_plugin_get "
                                "(client/haptic/teletact_device.h)");
     plugin_ = checked(get(), who);
   } catch (...) {

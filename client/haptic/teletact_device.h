@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-/* Goes up with every change that a library and a client of different versions would not survive.
+/* Raised by every change after which a library and a client of different versions cannot work together.
  * 2: limits.damping_n_s_m. 3: let_go. 4: z is passed on, away from the operator. 5: show_taxels. 6: the
  * reading's buttons, limits.workspace_centre_m, trouble. */
 #define TELETACT_DEVICE_ABI 6u

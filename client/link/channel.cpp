@@ -174,8 +174,8 @@ std::string nobody_answers(const std::string& address, const Credentials& given)
   if (given.proxy)
     return "no service at " + address + " through the proxy of the environment (grpc_proxy, https_proxy or " +
            "http_proxy); check it, or leave --proxy out";
-  return "no service at " + address + ": start one with './teletact serve --listen " + address +
-         "' (teletact-service), " +
+  return "no service at " + address + (given.tls_ca.empty() ? "" : ", or TLS with it failed") +
+         ": start one with './teletact serve --listen " + address + "' (teletact-service), " +
          (given.tls_ca.empty()            ? "or give --tls-ca if it serves TLS"
           : given.tls_certificate.empty() ? "with a certificate that --tls-ca signed for that name and that "
                                             "is valid by this machine's clock, or give "

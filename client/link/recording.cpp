@@ -154,7 +154,7 @@ RecordReader::RecordReader(const std::string& path)
   if (!file_) throw std::runtime_error("cannot read the recording '" + path + "': " + std::strerror(errno));
   struct stat status {};
   if (::fstat(file_.get(), &status) != 0 || !S_ISREG(status.st_mode))
-    throw std::runtime_error("'" + path + "' is no file: give that of touch or acquire --record");
+    throw std::runtime_error("'" + path + "' is not a file: give that of touch or acquire --record");
   stream_ = std::make_unique<Stream>(file_.get());
   std::optional<v1::RecordEntry> first;
   try {
@@ -162,13 +162,13 @@ RecordReader::RecordReader(const std::string& path)
   } catch (const std::runtime_error&) {
   }
   if (!first || !first->has_header()) {
-    throw std::runtime_error("'" + path + "' is no recording of teletact-client (touch or acquire --record)");
+    throw std::runtime_error("'" + path + "' is not a teletact-client recording (touch or acquire --record)");
   }
   header_ = first->header();
   if (header_.version() != kRecordingVersion)
     throw std::runtime_error("the recording '" + path + "' is of version " +
                              std::to_string(header_.version()) + ", and this client reads version " +
-                             std::to_string(kRecordingVersion) + ": record it anew");
+                             std::to_string(kRecordingVersion) + ": record it again");
 }
 
 RecordReader::~RecordReader() = default;

@@ -171,7 +171,7 @@ void TouchAnswers::say_who_steers(bool steers, const std::string& steered_by) {
                                                      "' steers the probe";
   if (who == who_steers_) return;
   who_steers_ = who;
-  spdlog::info("{}", who.empty() ? "nobody steers the scene's probe" : who);
+  spdlog::info("{}", who.empty() ? "no touch steers the scene's probe" : who);
 }
 
 }  // namespace teletact::client

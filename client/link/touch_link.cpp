@@ -198,8 +198,10 @@ std::optional<double> TouchLink::retry_after_s(const grpc::Status& status, const
     return std::nullopt;
   }
   if (reason != last_reason_)
-    spdlog::warn("touch stream ended ({}), {}", reason,
-                 refused ? "trying again, ever more seldom" : "opening it again");
+    spdlog::warn("{}: {}",
+                 refused ? "the touch was refused, trying again less and less often"
+                         : "the link was lost, opening it again",
+                 reason);
   last_reason_ = reason;
   const double lived_s = attempt.opened ? seconds_between(attempt.opened_ns, clock_.now_ns()) : 0;
   return reopening_.after_end_s(refused, lived_s);

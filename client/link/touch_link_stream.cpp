@@ -183,7 +183,7 @@ void TouchLink::keep_tactile(const v1::TactileImage& image) {
     ++received_.stats.tactile_images;
     tactile_ = std::move(read);
   } else if (++received_.stats.tactile_dropped == 1) {
-    spdlog::warn("a tactile image was malformed: it is not shown");
+    spdlog::warn("a tactile image was malformed and is not shown");
   }
 }
 

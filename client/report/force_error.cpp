@@ -67,7 +67,7 @@ std::vector<ForceSamplePoint> felt_force(const TouchRecord& record) {
 ForceError force_error(const Patient& patient, const TouchRecord& record) {
   if (!record.untold.empty()) throw std::runtime_error(record.untold);
   if (record.layer_depth_m > patient.mesh().y_m.at(1) / 2)
-    throw std::runtime_error("an interior layer was touched; the true force is known for the surface");
+    throw std::runtime_error("an interior layer was touched; only the surface's true force is known");
   const std::vector<TouchTick> path = felt_path(record.ticks);
   ForceError result;
   result.samples.resize(path.size());

@@ -48,8 +48,10 @@ void ServoLoop::tick(std::int64_t due_ns) noexcept {
   const ForceChainOutput limited = chain_.apply(chain_input(rendered, now_ns));
   // write
   device_ok = device_.write(limited.force_n) && device_ok;
-  if (states_.step(state_inputs(limited, device_ok), now_ns) && states_.state() == ServoState::kFault)
-    start_over();
+  const StateInputs inputs = state_inputs(limited, device_ok);
+  if (states_.step(inputs, now_ns) && states_.state() == ServoState::kFault) start_over();
+  resume_refused_ =
+      inputs.resume && states_.state() != ServoState::kEnabled ? refusal_of_resume(inputs) : nullptr;
   publish(rendered, limited, device_ok, now_ns, due_ns);
   show();
   last_ns_ = now_ns;
@@ -173,6 +175,7 @@ void ServoLoop::publish(const Rendered& rendered, const ForceChainOutput& limite
   tick.by_law = by_law_;
   tick.faded = limited.silence_gain < 1;
   tick.clutched = limited.clutch_gain < 1;
+  tick.resume_refused = resume_refused_;
   ticks_.fetch_add(1, std::memory_order_relaxed);
   if (tick.lateness_s > options_.overrun_s) overruns_.fetch_add(1, std::memory_order_relaxed);
   telemetry_.push(tick);

@@ -74,6 +74,7 @@ struct ServoTick {
   bool by_law = false;    // a contact law is rendered, not what answers tell
   bool faded = false;     // silence takes force away
   bool clutched = false;  // the clutch does, or gives it back
+  const char* resume_refused = nullptr;  // asked for at this tick, and why it is ignored
 };
 
 struct ServoOptions {
@@ -140,6 +141,7 @@ class ServoLoop {
   DeviceReading reading_;  // the newest that the device gave in numbers
   ResumeButton button_;
   bool resume_pressed_ = false;  // by the button, at this tick
+  const char* resume_refused_ = nullptr;
   bool finite_reading_ = true;
   ServoAnswer answer_;  // newest that arrived
   ServoAnswer incoming_;

@@ -25,7 +25,7 @@ void ServoThread::join() noexcept {
     const double now_s = seconds(clock.now_ns());
     if (looping() && watch.still_s(servo_.ticks(), now_s) >= TickWatch::kStuckS)
       end_now(kStuckCode,
-              "teletact-client: the device's adapter did not return from a call: it has been told to let go, "
+              "teletact-client: the device's adapter did not return from a call: it was asked to let go, "
               "and this process ends without it\n");
   }
   if (thread_.joinable()) thread_.join();

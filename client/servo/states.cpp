@@ -41,6 +41,15 @@ const char* describe(StateReason reason) noexcept {
   return "?";
 }
 
+const char* refusal_of_resume(const StateInputs& in) noexcept {
+  if (!in.device_ok || !in.finite) return "the device is not read";
+  if (in.frozen) return "the device's position is frozen";
+  if (in.too_fast) return "the device moves too fast";
+  if (!in.link_alive) return "no answer comes from the service";
+  if (!in.out_of_contact) return "the finger is in the tissue; lift it";
+  return nullptr;
+}
+
 bool StateMachine::become(ServoState state, StateReason reason, std::int64_t now_ns) noexcept {
   if (state == state_ && reason == reason_) return false;
   state_ = state;
@@ -62,8 +71,8 @@ bool StateMachine::step(const StateInputs& in, std::int64_t now_ns) noexcept {
     if (in.pause) return become(ServoState::kPaused, StateReason::kPausedByUser, now_ns);
     return false;
   }
-  const bool may_resume = in.link_alive && in.out_of_contact && !in.too_fast && !in.pause;
-  if (in.resume && may_resume) return become(ServoState::kEnabled, StateReason::kResumed, now_ns);
+  if (in.resume && !in.pause && !refusal_of_resume(in))
+    return become(ServoState::kEnabled, StateReason::kResumed, now_ns);
   return false;
 }
 

@@ -42,6 +42,9 @@ struct StateInputs {
   bool disable = false;
 };
 
+// Why a resume is not granted at this tick; null: it may be.
+const char* refusal_of_resume(const StateInputs&) noexcept;
+
 // A button asks when it goes down. One that is down when it is first seen, or seen again, has to be let go
 // first: neither a held nor a stuck one brings force back.
 class ResumeButton {

@@ -14,7 +14,7 @@ std::string AdapterWatch::message(HapticDevice& device, std::uint64_t ticks, dou
     device.let_go();
     return fmt::format(
         "the servo has made no tick for {:.1f} s: the device's adapter does not return from a "
-        "call, and has been told to let go",
+        "call, and was asked to let go",
         still_s);
   }
   longest_s_ = std::max(longest_s_, device.longest_call_s());

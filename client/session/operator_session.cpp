@@ -257,7 +257,7 @@ void obey_keys(const OperatorSessionOptions& options, WorkspaceDevice* real, Ser
     if (key == 'c' && real != nullptr) real->toggle_clutch();
     if (key != 'h') continue;
     if (options.hand_over_to.empty())
-      spdlog::warn("h: whom shall the probe follow? Name another touch's session with --hand-over-to");
+      spdlog::warn("h: name the session that the probe should follow with --hand-over-to");
     else
       link.hand_over(options.hand_over_to);
   }

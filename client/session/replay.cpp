@@ -29,7 +29,7 @@ struct Call {
 };
 
 [[noreturn]] void fail(const char* what, const grpc::Status& status) {
-  throw std::runtime_error(std::string(what) + " was refused: " + describe(status));
+  throw std::runtime_error(std::string(what) + " failed: " + describe(status));
 }
 
 // Reads the calls one after the other: a recording of RF does not fit into memory as a whole. Entries of

@@ -40,7 +40,7 @@ std::string tactile_view(const TactileImage& image) {
   const float full = largest(image.pressure_pa), most = largest(image.beyond_pa);
   const bool beyond = !image.beyond_pa.empty();
   std::string out =
-      fmt::format("{:.3f} N at x {:.1f} mm, z {:.1f} mm; full is {:.2f} kPa", image.force_n,
+      fmt::format("{:.3f} N at x {:.1f} mm, z {:.1f} mm; full scale {:.2f} kPa", image.force_n,
                   1e3 * (image.begin_x_m + image.pitch_m * double(image.along_x - 1) / 2),
                   1e3 * (image.begin_z_m + image.pitch_m * double(image.along_z - 1) / 2), 1e-3 * full);
   if (beyond) out += fmt::format(", and {:.2f} kPa beyond homogeneous tissue on the right", 1e-3 * most);

@@ -10,15 +10,15 @@ namespace {
 std::string degraded(const ServoTick& tick) {
   if (tick.withholds)
     return fmt::format(
-        "DEGRADED, {:.0f} % of the force withheld{}; lift the finger and press anew", 100 * tick.withheld,
+        "DEGRADED, {:.0f} % of the force withheld{}; lift the finger and press again", 100 * tick.withheld,
         tick.refused.lacks_j > 0
-            ? fmt::format(": {} lacks {:.1f} mJ", name(tick.refused.who), 1e3 * tick.refused.lacks_j)
+            ? fmt::format(": {} needs {:.1f} mJ more", name(tick.refused.who), 1e3 * tick.refused.lacks_j)
             : "");
   if (tick.sequence == 0) return "DEGRADED, no force: no answer to render yet";
   return tick.energy_generated
              ? fmt::format("DEGRADED, force fading: the display generated energy, {:.1f} mJ in all",
                            -1e3 * tick.energy_j)
-             : fmt::format("DEGRADED, force fading: the answer behind it is {:.0f} ms old{}",
+             : fmt::format("DEGRADED, force reduced: the answer behind it is {:.0f} ms old{}",
                            1e3 * tick.model_age_s,
                            2 * tick.round_trip_s > tick.model_age_s
                                ? fmt::format(", the round trip {:.0f} ms", 1e3 * tick.round_trip_s)
@@ -47,7 +47,7 @@ void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what,
     spell.logged = time_s - spell.logged_s >= kEveryS;
     if (spell.logged) {
       const std::string more =
-          spell.left_out > 0 ? fmt::format("; {} times more since this was said last", spell.left_out) : "";
+          spell.left_out > 0 ? fmt::format("; {} times more since the last such line", spell.left_out) : "";
       messages.push_back({warning, "servo " + what(tick) + more});
       spell.logged_s = time_s;
       spell.left_out = 0;
@@ -55,7 +55,8 @@ void TickLog::follow(Spell& spell, bool on, const ServoTick& tick, What what,
       ++spell.left_out;
     }
   }
-  if (!on && spell.on && spell.logged) {
+  // Where the state took the force, nothing got better.
+  if (!on && spell.on && spell.logged && tick.state == ServoState::kEnabled) {
     const std::string text = what(tick);
     messages.push_back({false, fmt::format("servo no longer {}, after {:.2f} s",
                                            text.substr(0, text.find(',')), time_s - spell.begin_s)});
@@ -82,6 +83,10 @@ std::vector<LogMessage> TickLog::add(const ServoTick& tick) {
   if (!started_ || tick.state != last_.state || tick.reason != last_.reason) {
     const bool trouble = tick.reason == StateReason::kSilence || tick.state == ServoState::kFault;
     messages.push_back({trouble, fmt::format("servo {}: {}", name(tick.state), describe(tick.reason))});
+  }
+  if (tick.resume_refused && seconds(tick.time_ns) - refused_s_ >= kEveryS) {
+    refused_s_ = seconds(tick.time_ns);
+    messages.push_back({true, fmt::format("resume ignored: {}", tick.resume_refused)});
   }
   const bool enabled = tick.state == ServoState::kEnabled;
   follow(degraded_, enabled && tick.degraded, tick, degraded, messages);

@@ -45,6 +45,7 @@ class TickLog {
   bool started_ = false;
   bool by_law_ = false;                              // as it was said last
   double by_law_s_[2] = {-kLawEveryS, -kLawEveryS};  // when each of both was
+  double refused_s_ = -kEveryS;
   ServoTick last_;
   Spell degraded_, service_degraded_, faded_, clutched_;
 };

@@ -32,7 +32,7 @@ std::string Waiting::message(const TouchSituation& situation, double now_s) {
     return fmt::format("the finger is beside the tissue, at x = {:.3f} m: move it back to 0 to {:.3f} m",
                        situation.x_m, situation.width_m);
   return fmt::format(
-      "waiting for a window at x = {:.3f} m: nobody acquires one there (start acquire, or wait "
+      "waiting for a window at x = {:.3f} m: none is acquired there (start acquire, or wait "
       "until it comes by)",
       situation.x_m);
 }

@@ -231,8 +231,7 @@ double StimulusScenes::touch(const std::string& scene_id) {
       if (now_s - since_s >= kSameS && stiffness_n_m > 0) return stiffness_n_m;
     }
     if (const std::string failure = link.failure(); !failure.empty())
-      throw std::runtime_error("the service at " + options_.address +
-                               " lets nobody touch a tissue: " + failure);
+      throw std::runtime_error("the service at " + options_.address + " refused the touch: " + failure);
     if (const std::string trouble = link.trouble(); !trouble.empty()) why = trouble;
     if (now_s > kLostS && answered && link.trouble().empty()) return 0;
     if (now_s > kLostS)

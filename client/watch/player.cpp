@@ -82,7 +82,7 @@ void Player::index() {
                       {"faded", tick.faded()}});
   }
   if (begin_ns_ == 0)
-    throw std::runtime_error("'" + paths_.front() + "' holds no touch; give one of touch --record");
+    throw std::runtime_error("'" + paths_.front() + "' holds no touch; give a touch --record file");
   view_.tell_timeline({{"length_s", length_s()}, {"spells", spells}});
 }
 

@@ -117,7 +117,8 @@ AccessTable table_in(const toml::table& file) {
   const toml::array* const entries = file.get_as<toml::array>("entry");
   // A file that is being written is empty for a moment: it must not end every call.
   if (!entries || entries->empty())
-    throw std::invalid_argument("no entry: give one [[entry]] at least; to let nobody in, one that expired");
+    throw std::invalid_argument(
+        "no entry: give at least one [[entry]]; to keep everybody out, give one that expired");
   std::vector<Principal> principals;
   for (const toml::node& entry : *entries) principals.push_back(principal_in(entry, principals.size() + 1));
   return AccessTable(std::move(principals));
@@ -154,9 +155,8 @@ std::shared_ptr<const AccessTable> Access::table() const {
   return table_;
 }
 
-void Access::log_refusal(const std::string& peer, const AccessRefused& refused) const {
-  refusals_.tell(PacedLog::Clock::now(),
-                 [&] { return fmt::format("peer={} why=\"{}\"", peer, refused.what()); });
+void Access::log_refusal(const std::string& call, const AccessRefused& refused) const {
+  refusals_.tell(PacedLog::Clock::now(), [&] { return fmt::format("{} why=\"{}\"", call, refused.what()); });
 }
 
 Access::Seen Access::seen_now() const {

@@ -40,8 +40,8 @@ class Access {
   // How often the file was looked at since.
   std::uint64_t looks() const { return watch_.looks(); }
   WallClock::time_point now() const { return now_(); }
-  // One line a second at most: `who` was refused.
-  void log_refusal(const std::string& peer, const AccessRefused&) const;
+  // One line a second at most: `call`, key=value pairs, was refused.
+  void log_refusal(const std::string& call, const AccessRefused&) const;
 
  private:
   // What a file that has changed differs in; all 0 where there is none.

@@ -77,7 +77,8 @@ std::optional<Digest> digest_from(std::string_view hex) {
 
 namespace {
 
-constexpr const char* kGive = "give --token-file FILE, or --tls-certificate and --tls-key";
+constexpr const char* kGive =
+    "give --token-file FILE, or, if the service has --tls-client-ca, --tls-certificate and --tls-key";
 
 [[noreturn]] void unknown(const std::string& why) {
   throw AccessRefused(AccessRefused::Why::kUnknown, why);
@@ -138,7 +139,8 @@ const Principal& AccessTable::known(const Proof& proof, WallClock::time_point no
     found = &principals_[entry->second];
   } else {
     if (proof.certificate_names.empty())
-      unknown(fmt::format("the service asks who calls: {} (metadata 'authorization: Bearer TOKEN')", kGive));
+      unknown(fmt::format("the service requires authentication: {} (metadata 'authorization: Bearer TOKEN')",
+                          kGive));
     for (const std::string& name : proof.certificate_names)
       if (const auto entry = by_certificate_.find(name); entry != by_certificate_.end() && !found)
         found = &principals_[entry->second];

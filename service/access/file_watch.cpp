@@ -19,7 +19,7 @@ FileWatch::FileWatch(std::chrono::milliseconds between, const char* failure, std
         while (!stopped.wait_for(lock, stop, between, [&] { return stop.stop_requested(); })) {
           try {
             look();
-            failed.clear();
+            if (!std::exchange(failed, {}).empty()) spdlog::info("event={} over=true", failure);
           } catch (const std::exception& error) {
             if (failed != error.what())
               spdlog::error("event={} error=\"{}\" goes_on=\"as it was read before\"", failure, error.what());

@@ -27,9 +27,10 @@ void validate(const TissueProblem& problem, std::size_t row, const PlanePose& po
     throw std::invalid_argument("pose.indentation_m is not finite; give metres");
   const double depth = problem.grid.y_m.back() - problem.grid.y_m[row];
   if (pose.indentation_m > 0 && pose.indentation_m >= depth) {
-    throw std::invalid_argument(fmt::format(
-        "pose.indentation_m is {}, not less than the {} m of tissue below the touched layer; press less deep",
-        pose.indentation_m, depth));
+    throw std::invalid_argument(
+        fmt::format("pose.indentation_m is {}, but must be below the {} m of tissue below the touched layer; "
+                    "press less deep",
+                    pose.indentation_m, depth));
   }
 }
 

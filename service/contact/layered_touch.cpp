@@ -139,7 +139,7 @@ struct LayeredTouch::Between {
 // d - t^2 / R of a paraboloid, d - t artanh(t / R) of a sphere. It is borne up to where f(a) = 0.
 LayeredTouch::LayeredTouch(const LayerStack& given, const Fingertip& tip) {
   if (!round_and_frictionless(tip))
-    throw std::invalid_argument("layered touch: a frictionless rounded tip or a sphere alone");
+    throw std::invalid_argument("layered touch: only for a frictionless rounded tip or sphere");
   const LayerStack stack = merged(given);
   const double nu = stack.poisson_ratio, plane_pa = stack.youngs_modulus_pa.front() / (1 - nu * nu);
   const bool sphere = tip.shape == FingertipShape::kSphere;

@@ -156,16 +156,15 @@ std::string PlaneBudget::words() const {
   const std::string plane = fmt::format("plane strain, {:.3g} mm thick: ", 1e3 * thickness_m_);
   if (!wide_around((x_m_.front() + x_m_.back()) / 2))
     return plane +
-           "what a solid would push back with instead is not known of tissue that is so narrow, or held so";
+           "how much harder a solid would push back is not known for tissue as narrow, or held, as this";
   const Fingertip usual;
   const double usual_m = std::min(0.002, depth_m_ / 20);
   const PressedLayer layer = pressed(usual, usual_m);
-  return plane +
-         fmt::format(
-             "homogeneous tissue that is no plane would push a round tip of {:.3g} mm back with about "
-             "{:.1f} of this force at {:.2g} mm",
-             1e3 * usual.radius_m, solid_force_m2(layer) / (thickness_m_ * plane_force_m(layer)),
-             1e3 * usual_m);
+  return plane + fmt::format(
+                     "homogeneous solid tissue would push a round tip of {:.3g} mm back with about "
+                     "{:.1f} times this force at {:.2g} mm",
+                     1e3 * usual.radius_m, solid_force_m2(layer) / (thickness_m_ * plane_force_m(layer)),
+                     1e3 * usual_m);
 }
 
 }  // namespace teletact::service

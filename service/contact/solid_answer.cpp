@@ -146,7 +146,8 @@ void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {
       finite = finite && std::isfinite(energy.hessian(c, d));
     }
   }
-  if (!finite) throw std::domain_error("contact: the answer is not finite; the model is unusable");
+  if (!finite)
+    throw std::domain_error("contact: the force or its stiffness is not finite; the model is unusable");
 }
 
 std::size_t nearest_node(const SolidGrid& grid, const Vector3& pose) {

@@ -298,8 +298,7 @@ SolveReport SolidContact<T>::correct(const Fingertip& tip, const Vector3& pose, 
   auto next = std::make_shared<RecycledCompliance>(*before);
   const auto learn = [&](const SolidSolution& solved) {
     if (solved.reason == StopReason::kNotFinite || solved.reason == StopReason::kIndefinite)
-      throw std::domain_error(
-          fmt::format("contact: the block's solution broke down ({})", to_string(solved.reason)));
+      throw std::domain_error(fmt::format("contact: the solver broke down ({})", to_string(solved.reason)));
     next->add(unknowns, solved.force_n, solver.excess());
     report.iterations += solved.iterations;
     report.reason = to_string(solved.reason);

@@ -58,7 +58,7 @@ void LaunchLog::collect() {
 void Kernel::set_buffer(unsigned index, const RawBuffer* buffer) {
   if (!raw_) throw DeviceError("launch of a kernel that was never built");
   if (!buffer)
-    throw DeviceError("argument " + std::to_string(index) + " of kernel " + raw_->name + " is no array");
+    throw DeviceError("argument " + std::to_string(index) + " of kernel " + raw_->name + " is not an array");
   guarded("argument " + std::to_string(index) + " of kernel " + raw_->name,
           [&] { raw_->kernel.setArg(index, buffer->buffer); });
 }

@@ -42,7 +42,7 @@ void DeviceRecovery::require() const {
   const std::lock_guard lock(mutex_);
   if (why_.empty()) return;
   throw Error(ErrorKind::kUnavailable,
-              fmt::format("the device failed ({}) and is being opened anew; send the pair again once the "
+              fmt::format("the device failed ({}) and is being reopened; send the pair again once the "
                           "health of teletact.v1.Elastography is SERVING",
                           why_));
 }

@@ -109,7 +109,7 @@ ModulusBudget ImagingLane::modulus_budget(const EstimateRequest& r, const JobTer
                       100 * kOfCrossing, 1e3 * speed));
   }
   if (terms.deadline != JobTerms::Time::max())
-    leave(Seconds(terms.deadline - Clock::now()).count() - publishing_s, "what it is to be finished within");
+    leave(Seconds(terms.deadline - Clock::now()).count() - publishing_s, "the deadline");
   return budget;
 }
 
@@ -163,7 +163,7 @@ EstimateOutcome ImagingLane::estimate(const EstimateRequest& request, const JobT
     device_.failed(device, error.what());
     recovery_.require();
     throw Error(ErrorKind::kUnavailable,
-                fmt::format("the device failed ({}) and is open anew; send the pair again", error.what()));
+                fmt::format("the device failed ({}) and is open again; send the pair again", error.what()));
   }
 }
 

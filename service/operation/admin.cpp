@@ -22,8 +22,6 @@ namespace {
 using prometheus::MetricFamily;
 using prometheus::MetricType;
 
-constexpr std::array<const char*, kCallKinds> kKinds{"touch", "watch",      "observe", "estimate",
-                                                     "unary", "full_scene", "info"};
 constexpr std::array<const char*, kRefusals> kWhy{"starting",     "draining",  "full",
                                                   "client_share", "authority", "load"};
 
@@ -51,17 +49,17 @@ void add_calls(Core& core, Families& out) {
   const auto counts = core.calls.counts();
   out.begin("teletact_calls", "Calls that are served; touch: sessions");
   for (std::size_t k = 0; k < kCallKinds; ++k)
-    out.add(static_cast<double>(counts[k].open), {{"kind", kKinds[k]}});
+    out.add(static_cast<double>(counts[k].open), {{"kind", kKindNames[k]}});
   out.begin("teletact_calls_refused_total", "Calls that were given no place or lost it, by reason",
             MetricType::Counter);
   for (std::size_t k = 0; k < kCallKinds; ++k)
     for (std::size_t why = 0; why < kRefusals; ++why)
-      out.add(static_cast<double>(counts[k].refused[why]), {{"kind", kKinds[k]}, {"reason", kWhy[why]}});
+      out.add(static_cast<double>(counts[k].refused[why]), {{"kind", kKindNames[k]}, {"reason", kWhy[why]}});
   out.begin("teletact_calls_ended_total", "Calls that have ended, refused ones too, by status",
             MetricType::Counter);
   for (std::size_t k = 0; k < kCallKinds; ++k)
     for (const auto& [code, times] : counts[k].ended)
-      out.add(static_cast<double>(times), {{"kind", kKinds[k]}, {"code", name_of(code)}});
+      out.add(static_cast<double>(times), {{"kind", kKindNames[k]}, {"code", name_of(code)}});
 }
 
 void add_memory(Core& core, Families& out) {

@@ -163,7 +163,7 @@ Listening prepare_address(const ListenOptions& o) {
   if (o.tls_certificate.empty() != o.tls_key.empty())
     throw std::runtime_error("--tls-certificate and --tls-key: give both or none");
   if (!o.tls_client_ca.empty() && !encrypted(o))
-    throw std::runtime_error("--tls-client-ca: it takes TLS; give --tls-certificate and --tls-key, too");
+    throw std::runtime_error("--tls-client-ca: needs TLS; also give --tls-certificate and --tls-key");
   const Given given{"--listen", o.listen};
   Address address = parse_address(given.flag, given.address);
   if (!address.socket.empty()) return {"unix:" + address.socket, prepare_socket(given, address.socket), {}};

@@ -50,8 +50,8 @@ void require_short_headers(const grpc::ServerContextBase& context) {
   for (const auto& [name, value] : context.client_metadata()) bytes += name.size() + value.size() + kBeside;
   if (bytes > kMaxHeaderBytes)
     throw Error(ErrorKind::kExhausted,
-                fmt::format("metadata: {} bytes are more than the {} that this service takes", bytes,
-                            kMaxHeaderBytes));
+                fmt::format("metadata: {} bytes, at most {} are allowed; send fewer or shorter headers",
+                            bytes, kMaxHeaderBytes));
 }
 
 }  // namespace teletact::service

@@ -47,7 +47,8 @@ Proof proof_in(const grpc::ServerContextBase& context) {
 void Caller::begin(const grpc::ServerContextBase& context) {
   if (!access_) return;
   proof_ = proof_in(context);
-  access_->table()->known(proof_, access_->now());
+  const auto table = access_->table();
+  name_ = table->known(proof_, access_->now()).name;
 }
 
 void Caller::require(const Wanted& wanted) {

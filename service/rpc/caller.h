@@ -28,9 +28,11 @@ class Caller {
   void require(const Wanted&);
   // That all of it may still be done.
   void look(Clock::time_point now);
-  // One line a second at most, of all callers.
-  void log(const std::string& peer, const AccessRefused& refused) const {
-    access_->log_refusal(peer, refused);
+  // The entry's, once it has begun; empty where whoever calls may do everything.
+  const std::string& name() const { return name_; }
+  // One line a second at most, of all callers. `call`: key=value pairs.
+  void log(const std::string& call, const AccessRefused& refused) const {
+    access_->log_refusal(call, refused);
   }
   // Whether this would be let through.
   bool may(const Wanted&) const;
@@ -38,6 +40,7 @@ class Caller {
  private:
   const std::shared_ptr<const Access> access_;
   Proof proof_;
+  std::string name_;
   mutable std::mutex mutex_;
   std::vector<Wanted> wanted_;  // one, or two of an estimate
   Clock::time_point next_{};    // these of who looks

@@ -23,6 +23,8 @@ namespace teletact::service {
 // kInfo: what is answered while the service starts or drains, too.
 enum class CallKind { kTouch, kWatch, kObserve, kEstimate, kUnary, kFullScene, kInfo };
 inline constexpr std::size_t kCallKinds = 7;
+inline constexpr std::array<const char*, kCallKinds> kKindNames{"touch", "watch",      "observe", "estimate",
+                                                                "unary", "full_scene", "info"};
 
 // Why a call was given no place, or lost it.
 enum class Refusal { kStarting, kDraining, kFull, kClientShare, kAuthority, kLoad };

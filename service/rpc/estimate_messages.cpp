@@ -57,8 +57,8 @@ std::vector<std::string> maps_from(const v1::Acquisition& in) {
   for (const EstimateMap& map : kEstimateMaps) known.emplace_back(map.name);
   for (const std::string& map : in.maps()) {
     if (!find_map(map))
-      throw std::invalid_argument(
-          fmt::format("acquisition.maps: \"{}\" is unknown; one of {}", shown(map), fmt::join(known, ", ")));
+      throw std::invalid_argument(fmt::format("acquisition.maps: \"{}\" is unknown; give one of {}",
+                                              shown(map), fmt::join(known, ", ")));
     if (std::find(maps.begin(), maps.end(), map) != maps.end())
       throw std::invalid_argument(fmt::format("acquisition.maps: \"{}\" twice; ask for it once", map));
     maps.push_back(map);

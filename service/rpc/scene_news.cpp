@@ -54,7 +54,7 @@ class ObservedMaps {
         throw std::invalid_argument(
             "open.maps: unknown; use youngs_modulus, youngs_modulus_log_std, valid or b_mode");
       if (std::exchange(*map->second, true))
-        throw std::invalid_argument(fmt::format("open.maps: {} stands twice; name each map once", name));
+        throw std::invalid_argument(fmt::format("open.maps: {} is given twice; name each map once", name));
     }
   }
   // Of a message at most: a block of columns and an image may go beyond kMaxBytes.

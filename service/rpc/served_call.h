@@ -125,6 +125,7 @@ class ServedCall : public Reactor, public Served {
   const CallLife& life() const { return life_; }
   std::shared_ptr<ServedCall> self() const { return self_; }  // within begun(), tick() or during()
   std::uint64_t id() const { return ticket_->id(); }          // of a call that has its place
+  const std::string& who() const { return caller_.name(); }
 
   Calls& calls_;
   grpc::CallbackServerContext* const context_;
@@ -168,7 +169,9 @@ class ServedCall : public Reactor, public Served {
       ask();
     } catch (const AccessRefused& refused) {
       calls_.refused_authority(kind_);
-      caller_.log(context_->peer(), refused);
+      caller_.log(
+          fmt::format("kind={} peer={}", kKindNames[static_cast<std::size_t>(kind_)], context_->peer()),
+          refused);
       throw;
     }
   }

@@ -95,8 +95,10 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
     tell_of_slow(Clock::now());
     const auto [poses, replaced, answers] = stream_->counts();
     spdlog::info(
-        "event=touch_closed stream={} session=\"{}\" scene={} poses={} poses_replaced={} answers={} code={}",
-        id(), name_, stream_->scene().id(), poses, replaced, answers,
+        "event=touch_closed stream={} who=\"{}\" session=\"{}\" scene={} poses={} poses_replaced={} "
+        "answers={} "
+        "code={}",
+        id(), who(), name_, stream_->scene().id(), poses, replaced, answers,
         static_cast<int>(life().status().error_code()));
     stream_.reset();
   }
@@ -136,9 +138,10 @@ class TouchReactor final : public ServedStream<v1::TouchRequest, v1::TouchRespon
     stream_ =
         std::make_unique<TouchStream>(core_.scenes.find(open.scene_id()), std::move(options), core_.device);
     name_ = shown(open.session_id());
-    spdlog::info("event=touch_opened stream={} session=\"{}\" scene={} peer={} credit={} period_s={:.4f}",
-                 id(), name_, stream_->scene().id(), context_->peer(), stream_->credit(),
-                 std::chrono::duration<double>(stream_->period()).count());
+    spdlog::info(
+        "event=touch_opened stream={} who=\"{}\" session=\"{}\" scene={} peer={} credit={} period_s={:.4f}",
+        id(), who(), name_, stream_->scene().id(), context_->peer(), stream_->credit(),
+        std::chrono::duration<double>(stream_->period()).count());
     if (!hold()) return;  // until left()
     try {
       turns_ = core_.touch.join(principal, stream_->period(), *this);

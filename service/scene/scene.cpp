@@ -253,7 +253,8 @@ std::shared_ptr<const ExplicitModulus> Scene::solid() const {
   if (!modulus || !modulus->solid())
     throw Error(
         ErrorKind::kPrecondition,
-        fmt::format("scene_id: scene {} is no solid and takes no slices; create one with modulus.z_m", id_));
+        fmt::format("scene_id: scene {} is not a solid and takes no slices; create one with modulus.z_m",
+                    id_));
   return modulus;
 }
 

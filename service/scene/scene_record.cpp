@@ -50,7 +50,7 @@ std::vector<T> take(std::string_view& in, std::size_t count) {
 // A number of json may be any double, which no integer need hold.
 std::uint64_t count_of(const json& number, const char* name) {
   if (!number.is_number_unsigned())
-    throw std::runtime_error(fmt::format("{}: {} is no count", name, number.dump()));
+    throw std::runtime_error(fmt::format("{}: {} is not a count", name, number.dump()));
   return number.get<std::uint64_t>();
 }
 

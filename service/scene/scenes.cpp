@@ -92,7 +92,7 @@ std::string Scenes::reserve(const std::string& wanted_id) {
                 fmt::format("scene_id: {} is taken; delete that scene or choose another id", id));
   if (scenes_.size() + being_made_.size() >= limits_.max_scenes)
     throw Error(ErrorKind::kExhausted,
-                fmt::format("{} scenes exist, no more are allowed; delete one", limits_.max_scenes));
+                fmt::format("{} scenes exist, the most allowed; delete one", limits_.max_scenes));
   being_made_.insert(id);
   return id;
 }
@@ -144,7 +144,7 @@ std::shared_ptr<Scene> Scenes::find(const std::string& id) const {
   if (found == scenes_.end())
     throw Error(
         ErrorKind::kNotFound,
-        fmt::format("scene_id: no scene \"{}\" here; ListScenes (./teletact scenes) names them", shown(id)));
+        fmt::format("scene_id: no scene \"{}\" here; ./teletact scenes (ListScenes) lists them", shown(id)));
   return found->second;
 }
 

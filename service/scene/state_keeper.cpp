@@ -101,7 +101,7 @@ void StateKeeper::note(const std::shared_ptr<Scene>& scene, const std::string& w
     }
   }
   if (changed && !why.empty())
-    spdlog::error("event=state_not_kept scene={} error=\"{}\" until=\"the disk takes it: free space\"",
+    spdlog::error("event=state_not_kept scene={} error=\"{}\" until=\"it can be written: free space\"",
                   scene->id(), why);
   if (changed && why.empty()) spdlog::info("event=state_kept_again scene={}", scene->id());
   for (const auto& other : again) keep_later(other);

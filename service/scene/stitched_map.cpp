@@ -87,7 +87,7 @@ void extend_in_log(std::vector<float>& modulus_pa, std::size_t nx, std::size_t n
   std::vector<std::size_t> last, border;
   for (std::size_t n = 0; n < modulus_pa.size(); ++n)
     if (modulus_pa[n] != 0) last.push_back(n);
-  if (last.empty()) throw std::logic_error("extend_in_log: no known cell to extend from");
+  if (last.empty()) throw std::logic_error("extend_in_log: no cell has a known modulus");
   for (; !last.empty(); last.swap(border)) {
     border.clear();
     for (const std::size_t n : last)

@@ -34,8 +34,8 @@ std::optional<std::string> TouchQueue::overload(const Principal& principal, Turn
   const double rate_hz = weight * share_hz / (own + 1);
   if (rate_hz >= terms_.min_rate_hz) return std::nullopt;
   return fmt::format(
-      "{} touch streams are answered as often as can be: another one would be {:.1f} times a second, and "
-      "less than {:g} (min_touch_rate_hz) serves nobody",
+      "{} touch streams are answered as often as possible: another one would get {:.1f} answers a second, "
+      "and at least {:g} (min_touch_rate_hz) are needed; try again when a touch has ended",
       streams_.size(), rate_hz, terms_.min_rate_hz);
 }
 

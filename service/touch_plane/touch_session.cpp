@@ -328,8 +328,9 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
     return fmt::format("the solver stopped ({}) with a force error of {:.2g}", c.solve.reason,
                        c.solve.relative_error);
   if (!(c.solve.of_model <= choices::kTrustedModelError))
-    return fmt::format("the tissue's layers changed: the force may be off by {:.2g} until they are made anew",
-                       c.solve.of_model);
+    return fmt::format(
+        "the tissue's layers changed: the force may be off by {:.2g} until they are computed again",
+        c.solve.of_model);
   if (!meanwhile && !(c.solve.relative_error - c.solve.of_model <= choices::kTrustedForceError))
     return fmt::format(
         "the solve may be off by up to {:.2g} of the force; nu near 1/2 beside high contrast does this",

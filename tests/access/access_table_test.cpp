@@ -60,7 +60,7 @@ TEST(AccessTable, KnowsByTokenOrCertificate) {
   EXPECT_EQ(table.known(both, kNow).name, "anna");
   both.token = digest_of("stale");
   expect_refused(Why::kUnknown, {"token is not known", "--token-file"}, [&] { table.known(both, kNow); });
-  expect_refused(Why::kUnknown, {"asks who calls", "--token-file", "--tls-certificate"},
+  expect_refused(Why::kUnknown, {"requires authentication", "--token-file", "--tls-certificate"},
                  [&] { table.known({}, kNow); });
   expect_refused(Why::kUnknown, {"no entry", "carl.test"},
                  [&] { table.known({.certificate_names = {"carl.test"}}, kNow); });

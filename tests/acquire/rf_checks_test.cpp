@@ -158,7 +158,7 @@ TEST_F(RecordedRf, AxesAreTakenAsTheHeaderSays) {
                  backwards.begin() + static_cast<std::ptrdiff_t>((l + 1) * kSamples));
   EXPECT_EQ(read(sequence(backwards, "UltrasoundImageOrientation = NU\n")).pre, bytes_of(rf()))
       << "towards the probe";
-  EXPECT_NE(refusal(sequence(rf(), "UltrasoundImageOrientation = MA\n")).find("is no plane of A-lines"),
+  EXPECT_NE(refusal(sequence(rf(), "UltrasoundImageOrientation = MA\n")).find("is not a plane of A-lines"),
             std::string::npos);
 }
 
@@ -225,7 +225,7 @@ TEST_F(RecordedRf, SpacingThatIsStatedOfEachFrameIsTaken) {
   EXPECT_NEAR(read(stated("1.925e-5 0.0003 1")).acquisition.line_pitch_m(), 0.0003, 1e-9);
   EXPECT_NEAR(read(stated("7 7 1", "1.925e-5 0.0003 1")).acquisition.line_pitch_m(), 0.0003, 1e-9)
       << "the file's goes before";
-  EXPECT_NE(refusal(stated("wide")).find("Seq_Frame0000_ElementSpacing = wide is no spacing"),
+  EXPECT_NE(refusal(stated("wide")).find("Seq_Frame0000_ElementSpacing = wide is not a spacing"),
             std::string::npos);
   options_.line_pitch_m = 0.0004;
   EXPECT_NE(refusal(stated("1.925e-5 0.0003 1")).find("--line-pitch-m 0.0004 contradicts"),

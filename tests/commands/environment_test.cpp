@@ -73,7 +73,7 @@ TEST(CommandLine, NamesThatAreNoUtf8AreRefusedFirst) {
         {"touch", "--service", "unix:/tmp/tt-nobody", "--scene", "s", "--session", "latin\xe4"},
         {"acquire", "--service", "unix:/tmp/tt-nobody", "--seed", "1", "--scene", "latin\xe4"}}) {
     const std::string failure = test::failure_of(words);
-    EXPECT_NE(failure.find(words[words.size() - 2] + ": its bytes are no UTF-8"), std::string::npos)
+    EXPECT_NE(failure.find(words[words.size() - 2] + ": its bytes are not UTF-8"), std::string::npos)
         << failure;
   }
 }
@@ -84,7 +84,7 @@ TEST(CommandLine, TimeLimitsSayWhatTheyMayBe) {
   for (const char* command : {"estimate", "acquire"}) {
     const std::string help = app.get_subcommand(command)->help();
     const std::string limit = help.substr(help.find("--modulus-time-limit-s"));
-    EXPECT_LT(limit.find("a service takes 60 s at most"), limit.find("\n  --")) << command;
+    EXPECT_LT(limit.find("a service allows at most 60 s"), limit.find("\n  --")) << command;
     const std::string failure = test::failure_of({command, "--modulus-time-limit-s", "0"});
     EXPECT_EQ(failure, "--modulus-time-limit-s: must be a number above 0, not 0") << command;
   }
@@ -138,7 +138,7 @@ TEST(CommandLine, FoldersThatAnotherRunWritesAreRefusedFirst) {
   const HeldFolder other(out);
   for (const std::vector<std::string>& words :
        {std::vector<std::string>{"estimate", "--service", "unix:/tmp/tt-nobody", "--center-frequency-hz",
-                                 "7e6", "--pre", "a.mha", "--post", "b.mha"},
+                                 "7e6", "--frame", "PROBE", "--pre", "a.mha", "--post", "b.mha"},
         {"patient", "--seed", "7"},
         {"report", "--touch-record", "absent"}}) {
     std::vector<std::string> all = words;

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""The prose of the documents: sentences of usual length, plain English, and pages within their budgets.
+"""The prose of documents and messages: sentences of usual length, plain English, and pages within their budgets.
 
-tests/docs/prose.py [PAGE ...] checks these pages; without any, all pages and their total. If proselint is installed
-(apt-get install python3-proselint), its checks in proselint.json run too. Phrases to avoid: dialect.txt.
+tests/docs/prose.py [PAGE ...] checks these pages; without any, all pages, their total, and sources' messages.
+If proselint is installed (apt-get install python3-proselint), its checks in proselint.json run too.
+Phrases to avoid: dialect.txt.
 """
 import bisect, itertools, json, math, os, pathlib, re, statistics, sys, tempfile
 
@@ -41,9 +42,19 @@ def sentences(number, block):
             yield number + block.count("\n", 0, match.start()), " ".join(match[0].split()), words
 
 
-def faults(pages, lints):
-    """What is wrong with the pages, {name: text}: a line each."""
-    worded, figures = [], []  # (page, line, block)
+def messages_of(name, text):
+    """(name, line, text) of a source's literals that a person reads: three words or more; X is what is filled in."""
+    text = re.sub(r'(?m)^\s*(//|#).*|"""[\s\S]*?"""', lambda gone: "\n" * gone[0].count("\n"), text)
+    for literals in re.finditer(r'([fb]?"([^"\\\n]|\\.)*"\s*)+', text):
+        words = "".join(each[1] for each in re.finditer(r'"((?:[^"\\\n]|\\.)*)"', literals[0]))
+        words = re.sub(r"\{[^}]*\}|%[-+.\d]*\w", "X", words)
+        if re.search(r"[a-z] [a-z]+ [a-z]", words):
+            yield name, text.count("\n", 0, literals.start()) + 1, words
+
+
+def faults(pages, lints, messages=()):
+    """What is wrong with the pages, {name: text}, and with the messages, (file, line, text): a line each."""
+    worded, figures = [], list(messages)  # (page, line, block)
     for name, text in pages.items():
         found = [each for number, block, prose in blocks(text) if prose for each in sentences(number, block)]
         lengths = sorted(words for _, _, words in found)
@@ -96,7 +107,10 @@ def notices_faults(lints):
            "CHANGELOG.md": ("Short.\n" * 61, "61 lines"),
            "e.md": ("It is an ATM machine.", "e.md:1: RAS syndrome" if lints else "")}
     good = "It is.\n\n    .14 is told\n\n```\ntold\n```\n\nA `.14`, [a link](.14/told.md), 0.14. " + "So. " * 9
-    found = "\n".join(faults({**{name: text for name, (text, _) in bad.items()}, "good.md": good}, lints))
+    source = '// is told\n#include "a b/told.h"\nf("{told} of it is " "not told, is\\"t it", "%.2f told");\n'
+    found = "\n".join(faults({**{name: text for name, (text, _) in bad.items()}, "good.md": good}, lints,
+                             messages_of("a.cpp", source)))
+    assert "a.cpp:3: 'told'" in found and found.count("a.cpp") == 1, found
     for _, fault in bad.values():
         assert fault in found, f"not noticed: {fault}\n{found}"
     assert "good.md" not in found, found
@@ -109,7 +123,11 @@ def main(names):
     files = [pathlib.Path(name).resolve() for name in names] or [
         file for path in top for file in ([path] if path.suffix == ".md" else path.rglob("*.md"))]
     pages = {str(file.relative_to(ROOT)): file.read_text() for file in sorted(files)}
-    found, words = list(faults(pages, lints)), sum(len(text.split()) for text in pages.values())
+    folders = () if names else ("service", "client", "clients", "common")
+    sources = [file for name in folders for file in sorted((ROOT / name).rglob("*"))
+               if file.suffix in (".cpp", ".h", ".c", ".py") and "service/imaging/" not in str(file)]
+    messages = [each for file in sources for each in messages_of(str(file.relative_to(ROOT)), file.read_text())]
+    found, words = list(faults(pages, lints, messages)), sum(len(text.split()) for text in pages.values())
     if words > ALL_WORDS:
         found.append(f"{words} words on all pages; at most {ALL_WORDS}")
     print("\n".join(found) or f"{len(pages)} pages, {words} words")

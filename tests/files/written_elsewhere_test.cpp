@@ -97,7 +97,7 @@ TEST(WrittenElsewhere, HeadersOfAnySizeToSixteenMebibytes) {
   put_content(path, header("Comment = " + std::string(std::size_t{16} << 20, 'a') + "\n") + kShorts);
   EXPECT_NE(message_of(path).find("its header is longer than 16 MiB"), std::string::npos);
   put_content(path, std::string(std::size_t{17} << 20, '\n'));
-  EXPECT_NE(message_of(path).find("is no MetaImage"), std::string::npos) << "whatever its size";
+  EXPECT_NE(message_of(path).find("is not a MetaImage"), std::string::npos) << "whatever its size";
 }
 
 TEST(WrittenElsewhere, WhatMetaIoAllowsInAHeaderIsRead) {

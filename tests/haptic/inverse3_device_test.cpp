@@ -240,7 +240,7 @@ TEST(Inverse3Device, SaysWhatIsWrong) {
   options.open_wait_s = 0.3;
   EXPECT_NE(complaint(options).find("knows no Inverse3: connect one"), std::string::npos)
       << complaint(options);
-  EXPECT_NE(complaint({.url = "spoon"}).find("'spoon' is no WebSocket address"), std::string::npos);
+  EXPECT_NE(complaint({.url = "spoon"}).find("'spoon' is not a WebSocket address"), std::string::npos);
 }
 
 }  // namespace

@@ -75,7 +75,7 @@ TEST_F(EstimateInput, WhatIsMissingIsAskedForByName) {
   write_file(folder_ / "a.mha", mha(""));
   const std::string a = folder_ / "a.mha";
   expect_one_clear_line(estimate(a, a, usual()), {"give --line-pitch-m: the file has no lateral spacing"});
-  expect_one_clear_line(estimate(a, a, {"--out", folder_ / "out"}), {"--frame LAB", "PROBE"});
+  expect_one_clear_line(estimate(a, a, {"--out", folder_ / "out"}), {"give --frame PROBE", "--frame LAB"});
   expect_one_clear_line(estimate(a, a, usual({"--force-n", "3"})), {"--contact-area-m2"});
   write_file(folder_ / "b.mat", "x");
   expect_one_clear_line(estimate(a, a, usual({"--sound-speed-m-s", "1.54"})), {"--sound-speed-m-s", "1540"});
@@ -361,9 +361,10 @@ TEST(WatchInput, WhatIsNoSessionIsNotWaitedFor) {
     EXPECT_EQ(outcome.code, 2);
   };
   refused({}, {"--session", "--recording"});
-  refused({"--session", folder / "x"}, {"--session", "is no recording"});
+  refused({"--session", folder / "x"}, {"--session", "is not a teletact-client recording"});
   write_file(folder / "y", "nothing that was acquired");
-  refused({"--session", folder / "x", "--acquire", folder / "y"}, {"--session", "is no recording"});
+  refused({"--session", folder / "x", "--acquire", folder / "y"},
+          {"--session", "is not a teletact-client recording"});
 }
 
 TEST(ReportInput, RecordingsMustBeWhatTheyAreSaidToBe) {

@@ -74,7 +74,7 @@ TEST_F(ExperimentService, KeepsTheJndOfSpringsThroughAKill) {
   service->wait(10);
   EXPECT_EQ(on_solid->wait(60), 1) << on_solid->output();
   EXPECT_EQ(on_line->wait(60), 1) << on_line->output();
-  for (const char* said : {"void", "is lost", "the answers to trials 1 to 3 are in", "go on with --resume",
+  for (const char* said : {"void", "is lost", "the answers to trials 1 to 3 are in", "continue with --resume",
                            "these scenes may still be on the service"})
     EXPECT_NE(on_solid->output().find(said), std::string::npos) << said << on_solid->output();
   EXPECT_EQ(client::read_results_csv(solid).size(), 3u);
@@ -107,7 +107,8 @@ TEST_F(ExperimentService, WhatSaysNothingHereIsRefusedByName) {
   };
   refused({"--service", address()}, {"no service at"});
   refused({"--service", address(), "--person"}, {"--person", "give --device"});
-  refused({"--service", address(), "--renderer", "kalman", "--age-s", "0.1"}, {"--age-s", "leave it out"});
+  refused({"--service", address(), "--renderer", "kalman", "--age-s", "0.1"},
+          {"--age-s", "leave one of the two out"});
   refused({"--service", address(), "--depth-m", "0.1"}, {"--depth-m"});
   refused({"--service", "nowhere"}, {"--service", "HOST:PORT"});
   refused({"--solid"}, {"--solid", "--service"});

@@ -175,7 +175,7 @@ TEST_F(RestartedMachine, NoHandNoticesAndNoSceneIsLost) {
   // Planned: each hand was followed to the other service twice; no stream ended before its successor
   // answered.
   EXPECT_EQ(count_of(moved, "its successor answers"), 4U) << moved;
-  EXPECT_EQ(count_of(moved, "touch stream ended"), 0U) << moved;
+  EXPECT_EQ(count_of(moved, "the link was lost"), 0U) << moved;
   for (const std::string renderer : {"law", "kalman"}) {
     const auto recording = test::read_touch_recording(folder_ / (renderer + ".record"));
     std::size_t faded = 0, ticks = 0;

@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { decode } from '../../client/watch/page/decode.js';
-import { coloured, colours, extent, player, scale, shown, ticks, whyOld } from '../../client/watch/page/layout.js';
+import { coloured, colours, extent, player, scale, shown, ticks, why, whyOld } from '../../client/watch/page/layout.js';
 import { given, paint, paintAnew } from '../../client/watch/page/maps.js';
 import { Series } from '../../client/watch/page/series.js';
 import { gaveWay, pressed, section, tellsOf, valueAt } from '../../client/watch/page/tissue.js';
@@ -48,6 +48,18 @@ test('what is not of now is said, and why', () => {
   assert.match(whyOld({ ...now, session: 'broken off: it has gone', playing: { at_s: 3 } }), /^the recording: broken off/);
   assert.match(whyOld({ ...now, session: undefined }), /nothing is known/);
   assert.equal(whyOld({ ...now, session: 'ended', past: true }), '', 'who went back in time sees what was then');
+});
+
+test('the page names what reduces the force, and nothing else', () => {
+  const say = (flags, values, claim = '') => why({ state: 'ENABLED', ...flags, at: (name) => ({ silence_s: 0.02, model_age_s: 0.03, withheld: 0, ...values })[name] }, 'resumed', claim);
+  assert.equal(say({}, {}), 'resumed');
+  assert.equal(say({ state: 'DISABLED', faded: true, degraded: true }, { silence_s: 1e9 }), 'resumed', 'its reason, not a silence');
+  assert.equal(say({ faded: true }, { silence_s: 0.4 }), 'no answer for 400 ms: the force fades');
+  assert.equal(say({ byService: true }, { withheld: 0.17 }), 'resumed; the service doubts its answer (17 % of the force is withheld)');
+  assert.equal(say({ degraded: true }, { withheld: 0.6 }, 'another model needs 2 mJ more'), '60 % of the force is withheld: another model needs 2 mJ more');
+  assert.equal(say({ degraded: true }, { model_age_s: 0.357 }, 'another model needs 2 mJ more'), 'the answer is 357 ms old: the force is reduced');
+  assert.match(say({ degraded: true, debt: true }, { withheld: 0.3, model_age_s: 0.3 }), /energy.*30 % .* withheld; .*300 ms/);
+  assert.match(say({ degraded: true, byLaw: true }, { model_age_s: 0.3 }), /^answers were too old/);
 });
 
 test('at the end of a recording Play begins again', () => {
@@ -171,7 +183,7 @@ test('a surface is solved for a finger among its nodes, in its layer', () => {
 test('a cursor reads what is measured, continued or not acquired', () => {
   const map = { origin_m: [0.5, 0.5], spacing_m: [1, 1], modulus_pa: { shape: [1, 3], values: new Float32Array([5000, 6000, 0]) }, valid: { values: new Uint8Array([1, 0, 0]) } };
   assert.match(valueAt(map, [0.5, 0.5]), /: 5 kPa$/);
-  assert.match(valueAt(map, [1.5, 0.5]), /not measured, continued as 6 kPa/);
+  assert.match(valueAt(map, [1.5, 0.5]), /not measured, extrapolated: 6 kPa/);
   assert.match(valueAt(map, [2.5, 0.5]), /not acquired/);
   assert.match(valueAt(map, [9, 0.5]), /^x 9000.0 mm, y 500.0 mm$/);
 });

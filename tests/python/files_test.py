@@ -44,11 +44,11 @@ def test_what_is_read(read, changes):
     ({"TransformMatrix": "0 1 1 0"}, "TransformMatrix is not the identity; resample the image to its own axes"),
     ({"Rotation": "1 0 0 -1"}, "Rotation is not the identity"), ({"Orientation": "0 -1 1 0"}, "is not the identity"),
     ({"Orientation": "1 0 0 0 1 0 0 0 1"}, "header field Orientation has 9 values, not 4; correct the header"),
-    ({"TransformMatrix": "1 0 0 nan"}, "header field TransformMatrix: 'nan' is no number; correct the header"),
+    ({"TransformMatrix": "1 0 0 nan"}, "header field TransformMatrix: 'nan' is not a number; correct the header"),
     ({"BinaryData": "0"}, "BinaryData = False is not supported; save it as binary"),
     ({"ElementType": "MET_LONG_LONG"}, "MET_LONG_LONG is not supported; use MET_SHORT"),
     ({"NDims": "5"}, "NDims must be a whole number from 1 to 4"), ({"NDims": "1"}, "NDims must be 2, 3 or 4"),
-    ({"ElementNumberOfChannels": "\u00b2"}, "'\u00b2' is no number"),
+    ({"ElementNumberOfChannels": "\u00b2"}, "'\u00b2' is not a number"),
     ({"DimSize": None}, "header field DimSize is missing; add it"), ({"DimSize ": "2 3"}, "DimSize is given twice; keep one"),
     ({"DimSize": "2 4"}, "its header declares 16 bytes of samples but 12 follow; the file is truncated"),
     ({"DimSize": "2 2"}, "the file is corrupt: copy or export it again"),
@@ -63,7 +63,7 @@ def test_what_is_refused(read, changes, words):
 
 
 @pytest.mark.parametrize("header, words", [
-    (b"", "is no MetaImage"), (b"\n\n", "is no MetaImage"), (b"NDims = 2\nand more\n", "header line 'and more' has no '='"),
+    (b"", "is not a MetaImage"), (b"\n\n", "is not a MetaImage"), (b"NDims = 2\nand more\n", "header line 'and more' has no '='"),
     (b"NDims = 2\nComment = " + b"a" * (16 << 20), "its header is longer than 16 MiB; save fewer frames in one file"),
 ], ids=["empty", "blank", "text", "long"])
 def test_headers_that_are_refused(tmp_path, header, words):

@@ -84,8 +84,8 @@ def header(version=1, type_=b"STATUS", name=b"peer", size=0, crc=0):
 
 DROPPED = {
     "a wrong CRC": (header(size=4, crc=7) + b"abcd", "STATUS with a wrong CRC"),
-    "a name that is none": (header(name=b"\xff\x01"), "no printable ASCII"),
-    "no type": (header(type_=b""), "no printable ASCII"),
+    "a name that is none": (header(name=b"\xff\x01"), "not printable ASCII"),
+    "no type": (header(type_=b""), "not printable ASCII"),
     "an extended header that is cut": (header(2, size=1, crc=bitwise(b"a")) + b"a", "without its extended header"),
     "one that is too long": (header(2, size=12, crc=bitwise(struct.pack(">HHII", 99, 0, 0, 0))) +
                              struct.pack(">HHII", 99, 0, 0, 0), "does not fit its body"),

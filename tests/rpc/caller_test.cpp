@@ -55,6 +55,10 @@ class AskedAgain : public testing::Test {
   const Caller::Clock::time_point begin{std::chrono::hours(1)};
 };
 
+TEST_F(AskedAgain, IsKnownByTheNameOfItsEntry) {
+  EXPECT_EQ(caller.name(), "hand");
+}
+
 TEST_F(AskedAgain, OnceASecond) {
   later = std::chrono::hours(2);
   EXPECT_NO_THROW(caller.look(begin + milliseconds(999)));

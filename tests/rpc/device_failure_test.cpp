@@ -56,7 +56,7 @@ TEST(DeviceFailure, IsSaidAndTheDeviceComesBack) {
   ASSERT_TRUE(status_of_estimate(server).ok());
   {
     const FailingLaunches failing;
-    expect_refused(status_of_estimate(server), grpc::StatusCode::UNAVAILABLE, "opened anew");
+    expect_refused(status_of_estimate(server), grpc::StatusCode::UNAVAILABLE, "reopened");
     ASSERT_TRUE(becomes(server, kNotServing, pressing));
     EXPECT_EQ(health_of(server, "teletact.v1.Palpation"), kServing);
     EXPECT_TRUE(comes_to(pressing, v1::TOUCH_STATUS_FAILED));

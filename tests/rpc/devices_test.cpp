@@ -92,7 +92,7 @@ TEST_F(TwoDevices, ScenesLeaveOneThatFails) {
   expect_refused(image(second), grpc::StatusCode::UNAVAILABLE, "send the pair again");
   while (health_of(server, kElastography) == kServing)  // soon: on a thread of its own
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  expect_refused(image(first), grpc::StatusCode::UNAVAILABLE, "opened anew");
+  expect_refused(image(first), grpc::StatusCode::UNAVAILABLE, "reopened");
   fail_launches(false);
   while (!plane().lanes()[0].works() || !plane().lanes()[1].works())
     std::this_thread::sleep_for(std::chrono::milliseconds(10));

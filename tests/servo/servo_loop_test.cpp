@@ -34,12 +34,15 @@ TEST_F(ServoTest, IsEnabledOnlyOutOfContactAndForgetsTheWish) {
   enable();
 }
 
-TEST_F(ServoTest, IsNotEnabledWithoutAnswers) {
+TEST_F(ServoTest, IsNotEnabledWithoutAnswersAndSaysSo) {
   silent = true;
   put_finger(-0.003);
   servo->request_resume();
+  run(0.001);
+  EXPECT_STREQ(last.resume_refused, "no answer comes from the service");
   run(0.1);
   EXPECT_EQ(last.state, ServoState::kDisabled);
+  EXPECT_EQ(last.resume_refused, nullptr);
 }
 
 TEST_F(ServoTest, RendersTheTissueAfterTheRamp) {

@@ -61,7 +61,7 @@ TEST(Devices, AreChosenByTheirNamesAndRefusedWithAReason) {
   EXPECT_NE(complaint("plugin:/nonexistent.so,a=b").find("'/nonexistent.so' cannot be loaded"),
             std::string::npos);
   EXPECT_NE(complaint("replay:/nonexistent").find("/nonexistent"), std::string::npos);
-  EXPECT_NE(complaint("inverse3:spoon").find("no WebSocket address"), std::string::npos);
+  EXPECT_NE(complaint("inverse3:spoon").find("not a WebSocket address"), std::string::npos);
 }
 
 TEST(Devices, ARecordedMotionIsFeltAgainAndEndsTheSession) {

@@ -17,7 +17,7 @@ TactileImage image() {
 
 TEST(TactileView, IsDarkestWhereThePressureIsLargest) {
   EXPECT_EQ(tactile_view(image()),
-            "0.200 N at x 50.0 mm, z -10.0 mm; full is 2.00 kPa\n"
+            "0.200 N at x 50.0 mm, z -10.0 mm; full scale 2.00 kPa\n"
             "│  ░░▒▒│\n"
             "│██▓▓  │\n");
 }
@@ -27,7 +27,7 @@ TEST(TactileView, ShowsBesideItWhereThereIsMoreAndLess) {
   with.beyond_pa = {-200, -100, 0, 400, 0, 0};
   EXPECT_EQ(
       tactile_view(with),
-      "0.200 N at x 50.0 mm, z -10.0 mm; full is 2.00 kPa, and 0.40 kPa beyond homogeneous tissue on the "
+      "0.200 N at x 50.0 mm, z -10.0 mm; full scale 2.00 kPa, and 0.40 kPa beyond homogeneous tissue on the "
       "right\n"
       "│  ░░▒▒│  │····  │\n"
       "│██▓▓  │  │██    │\n");

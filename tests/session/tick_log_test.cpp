@@ -89,9 +89,9 @@ TEST_F(TickLogTest, SaysBothEdgesOfDegradedAndWhy) {
   run(5);
   EXPECT_EQ(
       said_,
-      (Lines{"W servo DEGRADED, force fading: the answer behind it is 262 ms old",
+      (Lines{"W servo DEGRADED, force reduced: the answer behind it is 262 ms old",
              "I servo no longer DEGRADED, after 0.30 s",
-             "W servo DEGRADED, force fading: the answer behind it is 304 ms old, the round trip 300 ms",
+             "W servo DEGRADED, force reduced: the answer behind it is 304 ms old, the round trip 300 ms",
              "I servo no longer DEGRADED, after 0.02 s",
              "W servo DEGRADED, force fading: the display generated energy, 6.2 mJ in all"}));
 }
@@ -118,8 +118,8 @@ TEST_F(TickLogTest, SaysThatForceIsWithheldAndWhatToDo) {
   tick_.refused = {EnergyClaim::kLaw, 0.0032};
   run(10);
   EXPECT_EQ(said_,
-            (Lines{"W servo DEGRADED, 62 % of the force withheld: another contact law lacks 3.2 mJ; lift the "
-                   "finger and press anew"}));
+            (Lines{"W servo DEGRADED, 62 % of the force withheld: another contact law needs 3.2 mJ more; "
+                   "lift the finger and press again"}));
 }
 
 TEST_F(TickLogTest, SaysWhenTheServiceDoubtsItsAnswer) {
@@ -145,7 +145,27 @@ TEST_F(TickLogTest, CountsWhatItDoesNotSay) {
   ASSERT_EQ(said_.size(), 4u);
   EXPECT_EQ(said_[0], "W servo fading, no answer for 51 ms");
   EXPECT_EQ(said_[1], "I servo no longer fading, after 0.04 s");
-  EXPECT_EQ(said_[2], "W servo fading, no answer for 51 ms; 9 times more since this was said last");
+  EXPECT_EQ(said_[2], "W servo fading, no answer for 51 ms; 9 times more since the last such line");
+}
+
+TEST_F(TickLogTest, FadingThatEndsInAPauseIsNoRecovery) {
+  enable();
+  tick_.faded = true;
+  tick_.silence_s = 0.34;
+  run(150);
+  tick_.state = ServoState::kPaused;
+  tick_.reason = StateReason::kSilence;
+  run(10);
+  ASSERT_EQ(said_.size(), 2u);
+  EXPECT_EQ(said_[1].rfind("W servo PAUSED: no answer", 0), 0u) << said_[1];
+}
+
+TEST_F(TickLogTest, SaysOnceASecondWhyAResumeIsIgnored) {
+  run(1);
+  said_.clear();
+  tick_.resume_refused = "no answer comes from the service";
+  run(1500);
+  EXPECT_EQ(said_, Lines(2, "W resume ignored: no answer comes from the service"));
 }
 
 TEST_F(TickLogTest, SaysNothingOfForceThatIsOff) {

@@ -110,7 +110,7 @@ Hdf5Reader::Hdf5Reader(const std::filesystem::path& path, std::size_t file_bytes
             H5Fclose) {
   if (!file_.there() && was_not_closed(path, file_bytes))
     refuse("was not closed by the program that wrote it; close it there, or clear its mark: h5clear -s FILE");
-  if (!file_.there()) refuse("is no HDF5 file or is damaged; " + remedy);
+  if (!file_.there()) refuse("is not an HDF5 file or is damaged; " + remedy);
   root_.id = Hdf5Id(H5Gopen2(file_, "/", H5P_DEFAULT), H5Gclose);
 }
 
@@ -132,7 +132,7 @@ std::string Hdf5Reader::present() const {
 }
 
 Hdf5Reader::Extent Hdf5Reader::extent_of(const Hdf5Node& data) const {
-  if (!data.is(H5I_DATASET)) refuse_field(data, "is missing, or is no array; write the object again");
+  if (!data.is(H5I_DATASET)) refuse_field(data, "is missing or not an array; write the object again");
   const Hdf5Id type(H5Dget_type(data.id), H5Tclose), space(H5Dget_space(data.id), H5Sclose),
       made(H5Dget_create_plist(data.id), H5Pclose);
   if (!type.there() || (H5Tget_class(type) != H5T_FLOAT && H5Tget_class(type) != H5T_INTEGER) ||

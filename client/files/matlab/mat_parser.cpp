@@ -153,7 +153,7 @@ MatFrames parse_mat(const std::filesystem::path& path, const std::string& variab
   Mat_LogInitFunc("teletact", keep_complaint);
   matio_complaint().clear();
   const Mat mat(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
-  if (!mat) throw FileError(path, "is no MATLAB file or is damaged; save it with -v7 or -v7.3");
+  if (!mat) throw FileError(path, "is not a MATLAB file or is damaged; save it with -v7 or -v7.3");
   if (Mat_GetVersion(mat.get()) == MAT_FT_MAT4)
     throw FileError(path, "is of MATLAB version 4 or damaged; save it with -v7 or -v7.3");
   const Variable read(Mat_VarReadInfo(mat.get(), variable.c_str()));

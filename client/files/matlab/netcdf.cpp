@@ -111,7 +111,7 @@ class Writer {
     for (const std::string& axis : variable.axes) {
       if (!scales_.contains(axis))
         throw std::invalid_argument("NetcdfVariable '" + variable.name + "' lies on '" + axis +
-                                    "', which is no axis");
+                                    "', which is not an axis");
       extent.push_back(scales_.at(axis).count), count *= scales_.at(axis).count;
     }
     std::visit(

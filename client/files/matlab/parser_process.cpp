@@ -217,7 +217,7 @@ class Parser {
     return head;
   }
   [[noreturn]] void refuse_answer() const {
-    refuse("its parser gave an answer that cannot be; the file is damaged: export it again");
+    refuse("its parser gave an impossible answer; the file is damaged: export it again");
   }
 
  private:

@@ -125,7 +125,7 @@ class UffReader final : Hdf5Reader {
           data, "has " + std::to_string(n) + " places; an image needs 2 to " + std::to_string(kMaxOnAxis));
     const std::vector<double> at = whole(data, n);
     const Axis out{n, at.front(), (at.back() - at.front()) / static_cast<double>(n - 1)};
-    if (!(out.step > 0)) refuse_field(data, "does not rise; it must, in metres");
+    if (!(out.step > 0)) refuse_field(data, "does not rise; give increasing values (metres)");
     for (std::size_t k = 0; k < n; ++k)
       if (std::abs(at[k] - (out.first + out.step * static_cast<double>(k))) > kUneven * out.step)
         refuse_field(data, "is not evenly spaced; beamform on an even grid");

@@ -7,15 +7,15 @@
  * keeps malloc usable there; an SDK that needs more is started with exec.)
  *
  * As it stands the "SDK" is a mass on a spring and a damper, hovering until the force of write() pushes it,
- * and what the tests load. Nobody presses its button: touch says that it waits for it. With a press in its
+ * and what the tests load. Its button is never pressed, so touch waits for it. With a press in its
  * settings a hand holds the button and moves the spring down and up once in 4 s: enough to see that the chain
  * works (the tissue begins 5 mm below where the device is opened):
  *
  *   touch --device plugin:teletact_device_template.so,press=0.009 --duration-s 10 ...
  *
  * Settings, in this order: "stiffness=200" (N/m of that spring), "press=0.009" (m, how far it moves),
- * "period=4" (s, once down and up), "page=FILE" (the shared page lies in this file, for who wants to look:
- * struct page below). */
+ * "period=4" (s, once down and up), "page=FILE" (puts the shared page into this file, so that you can look
+ * at it: struct page below). */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>

@@ -1,7 +1,7 @@
 // The page: what came is kept, drawn once a frame, and then acknowledged.
 import { decode } from './decode.js';
 import { Series } from './series.js';
-import { player, shown, whyOld } from './layout.js';
+import { player, shown, since, why, whyOld } from './layout.js';
 import * as panels from './panels.js';
 
 const $ = (id) => document.getElementById(id);
@@ -150,7 +150,7 @@ function showWindows() {
 }
 
 const faults = [['stall', 'Stall 1 s'], ['jitter', 'Jitter'], ['far', '200 ms away'], ['cut', 'Cut the link'], ['kill', 'Kill the service'],
-  ['force', 'Wrong force sensor'], ['decorrelated', 'Decorrelated frame'], ['none', 'Good link again']];
+  ['force', 'Wrong force sensor'], ['decorrelated', 'Decorrelated frame'], ['none', 'Restore the link']];
 function showFaults(any) {
   const bar = $('faults');
   if (bar.hidden === !any) return;
@@ -165,22 +165,22 @@ function showFaults(any) {
 }
 
 const marks = { OLD: '–', ENABLED: '●', PAUSED: '❚❚', FAULT: '✕', DISABLED: '○', DEGRADED: '◐' };
-const claim = (row) => `${model.status?.claims?.[row.at('claim')] ?? 'a claim'} lacks ${shown(row.at('claim_lacks_j'), 'J')}`;
+const claim = (row) => (row.at('claim') > 0 ? `${model.status?.claims?.[row.at('claim')] ?? 'a claim'} needs ${shown(row.at('claim_lacks_j'), 'J')} more` : '');
 function showNow(row) {
   const state = model.old ? 'OLD' : panels.stateName(row);
   $('state').dataset.state = $('now').dataset.state = state;
   set('state-mark', marks[state]);
   set('state-name', state);
   const reason = model.status?.reasons?.[row.at('reason')] ?? '';
-  set('state-reason', model.old ? `${model.old}; what stands here was the last` : row.faded ? `no answer for ${shown(row.at('silence_s'), 's')}: the force fades` : row.degraded ? (row.at('claim') > 0 ? `${(100 * row.at('withheld')).toFixed(0)} % of the force is withheld: ${claim(row)}` : 'the force is not trusted and fades: the log says why') : row.byService ? `${reason}; the service doubts its answer` : reason);
+  set('state-reason', model.old ? `${model.old}; these are the last values` : why(row, reason, claim(row)));
   const half = row.at('half_width');
   set('force-now', `${row.size.toFixed(3)} N${half >= 0 && row.size > 0 ? ` ± ${(100 * half).toFixed(0)} %` : ''}`);
   const path = model.status?.answer?.path;
   set('rendered-now', row.state !== 'ENABLED' ? 'nothing' : row.byLaw ? 'contact law' : `answers${path && path !== 'UNSPECIFIED' ? `, ${path.toLowerCase()}` : ''}`);
-  set('age-now', shown(row.at('model_age_s'), 's'));
+  set('age-now', since(row.at('model_age_s')));
   set('round-now', row.at('round_trip_s') > 0 ? shown(row.at('round_trip_s'), 's') : '–');
-  set('silence-now', shown(row.at('silence_s'), 's'));
-  set('energy-now', `${shown(row.at('balance_j'), 'J')}${row.at('claim') > 0 ? `; ${claim(row)}` : ''}`);
+  set('silence-now', since(row.at('silence_s')));
+  set('energy-now', `${shown(row.at('balance_j'), 'J')}${claim(row) && `; ${claim(row)}`}`);
   set('modulus-now', row.at('modulus_age_s') > 0 ? shown(row.at('modulus_age_s'), 's') : '–');
 }
 

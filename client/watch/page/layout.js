@@ -20,6 +20,23 @@ export function whyOld({ open, session, playing, quiet_s, past }) {
   return quiet_s > 1 ? 'no tick comes from the servo loop' : '';
 }
 
+// Of what may never have come: such an age or silence is 1e9 s.
+export const since = (value_s) => (value_s < 1e8 ? shown(value_s, 's') : 'none yet');
+
+// Why the force is as it is, from a row and the words for its state's reason and its claim. Beyond these limits
+// (T5.7, force_chain.h) the servo reduces it; which of them did is not recorded, so all that hold are named.
+export function why(row, reason, claim) {
+  if (row.state !== 'ENABLED') return reason;
+  if (row.faded) return `no answer for ${since(row.at('silence_s'))}: the force fades`;
+  const withheld = row.at('withheld'), share = `${(100 * withheld).toFixed(0)} % of the force is withheld`;
+  if (!row.degraded) return `${reason}${row.byService ? '; the service doubts its answer' : ''}${withheld >= 0.01 ? ` (${share})` : ''}`;
+  const causes = [];
+  if (row.debt) causes.push('the display generated energy: the force fades');
+  if (withheld > 0.2) causes.push(claim ? `${share}: ${claim}` : share);
+  if (!row.byLaw && row.at('model_age_s') > 0.25) causes.push(`the answer is ${since(row.at('model_age_s'))} old: the force is reduced`);
+  return causes.join('; ') || 'answers were too old: the force returns slowly';
+}
+
 // Where a recording plays, as the status says, and what its button does: at the end it begins again.
 export function player({ at_s, length_s, speed, over }) {
   const plays = speed > 0 && !over;

@@ -52,7 +52,7 @@ export function tissue(model, now) {
     for (let n = 0; n <= marks; ++n) still.fillText(`${Math.round((1e3 * width * n) / marks)} mm`, x((width * n) / marks), low + 5);
     if (!deviation) deviations(still, model, x, low + 21);
   });
-  let read = (!painted.range && model.status?.no_maps) || 'arrows or pointer read values';
+  let read = (!painted.range && model.status?.no_maps) || 'point or use arrows to read values';
   for (const box of strips) {
     const cursor = picture.cursor;
     if (cursor && cursor[0] >= left && cursor[0] <= right && cursor[1] >= box.top && cursor[1] <= box.bottom) {
@@ -284,7 +284,7 @@ export function force(model) {
     band(pen, series, (n) => -series.value(n, ix.force_y_n), (n) => series.value(n, ix.half_width), model.from, model.to, box, scaled, palette.blue);
     trace(pen, { find: (t) => series.find(t), time: (n) => series.time(n), get added() { return series.added; }, value: (n) => -series.value(n, ix.force_y_n), extremes: series.extremes }, 0, model.from, model.to, box, scaled, palette.blue);
     trace(pen, series, ix.force_x_n, model.from, model.to, box, scaled, palette.orange);
-    legend(pen, box, [['outwards, with its interval of 95 in 100', palette.blue], ['along x', palette.orange]]);
+    legend(pen, box, [['outwards, with its 95 % interval', palette.blue], ['along x', palette.orange]]);
   }, (r) => `${shown(-r.force[1], 'N')} outwards, ${shown(r.force[0], 'N')} along x${r.at('half_width') >= 0 ? `, ± ${(100 * r.at('half_width')).toFixed(1)} %` : ''}`);
 }
 
@@ -331,8 +331,8 @@ export function tactile(model) {
     pen.fillText(p ? 'beyond layers' : name, left, side + 9);
     reads.push(shown(size, 'Pa'));
   });
-  picture.say(`full is ${reads.join(', ')}`);
-  picture.label(`tactile image of ${nx} x ${nz} taxels, full is ${reads.join(', ')}`);
+  picture.say(`full scale ${reads.join(', ')}`);
+  picture.label(`tactile image of ${nx} x ${nz} taxels, full scale ${reads.join(', ')}`);
 }
 
 export function timeline(canvas, model) {

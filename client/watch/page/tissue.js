@@ -12,7 +12,7 @@ export function valueAt(map, [x, y]) {
   const measured = !map.valid || map.valid.values[n] > 0;
   const value = map.modulus_pa.values[n], deviation = map.log_std?.values[n];
   if (!(value > 0)) return `${place}: not acquired`;
-  return `${place}: ${measured ? '' : 'not measured, continued as '}${shown(value, 'Pa')}${measured && deviation > 0 ? ` ± ${(100 * deviation).toFixed(0)} %` : ''}`;
+  return `${place}: ${measured ? '' : 'not measured, extrapolated: '}${shown(value, 'Pa')}${measured && deviation > 0 ? ` ± ${(100 * deviation).toFixed(0)} %` : ''}`;
 }
 
 // How far the tip's skin lies above its foremost point.

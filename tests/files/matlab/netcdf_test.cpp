@@ -99,7 +99,7 @@ TEST(Netcdf, WhatDoesNotFitIsNamed) {
   content.variables[0].values = std::vector<float>(5);
   EXPECT_NE(said(content).find("'youngs_modulus' does not fit its axes"), std::string::npos);
   content.variables[0].axes = {"y", "z"};
-  EXPECT_NE(said(content).find("'z', which is no axis"), std::string::npos);
+  EXPECT_NE(said(content).find("'z', which is not an axis"), std::string::npos);
 }
 
 TEST(Netcdf, WhatCannotBeWrittenWholeIsNotThere) {

@@ -323,7 +323,7 @@ TEST(Uff, WhatIsNoHdf5OrIsCutAnywhereIsRefused) {
   const TemporaryFolder folder;
   EXPECT_NE(message_of(folder / "absent.uff").find("does not exist"), std::string::npos);
   put_content(folder / "noise.uff", std::string(5000, 'x'));
-  EXPECT_NE(message_of(folder / "noise.uff").find("is no HDF5 file or is damaged"), std::string::npos);
+  EXPECT_NE(message_of(folder / "noise.uff").find("is not an HDF5 file or is damaged"), std::string::npos);
   {
     UffFile file(folder / "a.uff");
     write_example(file);

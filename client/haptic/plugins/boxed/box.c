@@ -238,7 +238,7 @@ int main(int count, char** words) {
   const box_vendor* const vendors[] = {&box_force_dimension, &box_openhaptics};
   for (size_t k = 0; k < sizeof vendors / sizeof *vendors; ++k)
     if (strcmp(words[1], vendors[k]->name) == 0) vendor = vendors[k];
-  if (vendor == NULL) return refuse("the box beside this plugin does not know its maker: install both anew");
+  if (vendor == NULL) return refuse("the box beside this plugin does not know its maker: install both again");
   if (!read_settings(words[2], &settings, error) || !load(&settings, error) || !open_device(&settings, error))
     return refuse(error);
   do {

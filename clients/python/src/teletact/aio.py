@@ -89,7 +89,8 @@ class Service:
             async with asyncio.timeout(_CONNECT_S):
                 await self._channel.channel_ready()
         except TimeoutError:
-            raise Unavailable(f"no service at {self._peer.address}", call="connect",
+            tls = "" if self._peer.tls_ca is None else ", or TLS with it failed"
+            raise Unavailable(f"no service at {self._peer.address}{tls}", call="connect",
                               remedy=self._peer.remedy()) from None
         while True:
             try:

@@ -70,7 +70,7 @@ def masked(values: xr.DataArray, valid: xr.DataArray, call: str) -> xr.DataArray
         raise BadAnswer("its grid is not that of 'valid'", field=f"map '{values.name}'", call=call)
     out = np.where(valid.values, values.values, np.float32(np.nan))
     if not np.isfinite(values.values[valid.values]).all():
-        raise BadAnswer("not finite where it is said to be valid", field=f"map '{values.name}'", call=call)
+        raise BadAnswer("not finite where it is valid", field=f"map '{values.name}'", call=call)
     return values.copy(data=out)
 
 

@@ -152,7 +152,7 @@ def peer_of(address: str, tls_ca: str | Path | None, tls_certificate: str | Path
     certificate = _pem("tls_certificate", tls_certificate, b"-----BEGIN CERTIFICATE")
     key = _pem("tls_key", tls_key, b"PRIVATE KEY-----")
     if (certificate is None) != (key is None):
-        raise InvalidArgument("one of a pair", field="tls_certificate, tls_key", remedy="give both or none")
+        raise InvalidArgument("only one is given", field="tls_certificate, tls_key", remedy="give both or none")
     if certificate is not None and ca is None:
         raise InvalidArgument("it is shown on encrypted connections alone", field="tls_certificate",
                               remedy="give tls_ca, too")
@@ -192,7 +192,8 @@ def _require_address(address: str) -> None:
         raise InvalidArgument(f"{address!r}", field="address", remedy="an IPv6 address stands in brackets: [::1]:50051")
     found = re.fullmatch(r"(.+):(\d{1,5})", address)
     if address.startswith("http") or not found or not 0 < int(found[2]) < 65536:
-        raise InvalidArgument(f"{address!r}", field="address", remedy="give HOST:PORT or unix:/path")
+        raise InvalidArgument(f"{address!r}", field="address",
+                              remedy="give HOST:PORT (at most 65535) or unix:/path")
 
 
 def _on_this_machine(address: str) -> bool:

@@ -147,7 +147,7 @@ def from_status(code: grpc.StatusCode, details: str | None, call: str) -> Teleta
         problem, remedy = said.replace("; ", ", "), ""
     remedy = remedy or _USUAL.get(code, "")
     kind = _BY_CODE.get(code, TeletactError)
-    return kind(problem or "no more was said", field=field, remedy=remedy, call=call, code=code)
+    return kind(problem or "without a message", field=field, remedy=remedy, call=call, code=code)
 
 
 def from_rpc(error: grpc.RpcError, call: str) -> TeletactError:

@@ -69,13 +69,13 @@ def acquisition_of(pre: Any, post: Any, *, frame: str, plane: str | None, method
         out.modulus_method = _named("method", method, _METHODS)
     _set(out, numbers)
     if (force_n is None) != (contact_area_m2 is None):
-        raise InvalidArgument("one of a pair", field="force_n, contact_area_m2", remedy="give both or none")
+        raise InvalidArgument("only one is given", field="force_n, contact_area_m2", remedy="give both or none")
     if force_n is not None and contact_area_m2 is not None:
         _set(out.probe_force, {"force_n": force_n, "contact_area_m2": contact_area_m2, **sensor})
     elif given := [field for field, value in sensor.items() if value is not None]:
         raise InvalidArgument("without a force", field=given[0], remedy="give force_n and contact_area_m2 with it")
     if (publish is None) != (window_x_m is None):
-        raise InvalidArgument("one of a pair", field="publish, window_x_m",
+        raise InvalidArgument("only one is given", field="publish, window_x_m",
                               remedy="give the scene and where the window's left border is in it, or neither")
     if publish is not None and window_x_m is not None:
         out.publish.scene_id = publish

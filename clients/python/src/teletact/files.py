@@ -38,7 +38,7 @@ def read_metaimage(path: str | Path) -> xr.DataArray:
             except ValueError:
                 out.append(math.nan)
             if not math.isfinite(out[-1]):
-                raise _refusal(path, field, f"header field {field}: '{word}' is no number")
+                raise _refusal(path, field, f"header field {field}: '{word}' is not a number")
         if len(out) != count:
             raise _refusal(path, field, f"header field {field} has {len(out)} values, not {count}")
         return out
@@ -79,7 +79,7 @@ def read_metaimage(path: str | Path) -> xr.DataArray:
     origin_field = next((name for name in ("Offset", "Position", "Origin") if name in header), None)
     origin = numbers(origin_field, dims) if origin_field else [0.0] * dims
     if dims == 4 and size[2] != 1:
-        raise _refusal(path, "DimSize", f"NDims is 4: planes of {size[2]} channels or of volumes",
+        raise _refusal(path, "DimSize", f"NDims is 4: each image has {size[2]} channels or planes",
                        "beamform them, and save samples x A-lines x frames")
     if header.get("HeaderSize", "0") not in ("0", "-1"):
         raise _refusal(path, "HeaderSize", f"HeaderSize = {header['HeaderSize']} is not supported",
@@ -133,7 +133,7 @@ def _header_of(path: Path, data: bytes) -> tuple[dict[str, str], int]:
             return header, begin
     if "NDims" in header and len(data) >= _LONGEST_HEADER:
         raise _refusal(path, "", "its header is longer than 16 MiB", "save fewer frames in one file")
-    raise _refusal(path, "", "is no MetaImage: its header has no ElementDataFile line", "give an .mha or .mhd file")
+    raise _refusal(path, "", "is not a MetaImage: its header has no ElementDataFile line", "give an .mha or .mhd file")
 
 
 def _stored(path: Path, name: str, behind: bytes) -> tuple[Path, bytes]:

@@ -115,8 +115,8 @@ def image(name: str, values: xr.DataArray, unix_s: float) -> Message:
     """IMAGE of a map over y, x or z, y, x, whose places are metres and evenly spaced. The scene's x, y, z stand for R, A
     and S, in mm. Booleans become uint8; NaN stays: nobody measured there."""
     if values.dims not in (("y", "x"), ("z", "y", "x")) or 0 in values.shape or max(values.shape) > 0xFFFF:
-        raise InvalidArgument(f"axes {values.dims} of shape {values.shape}", field="values",
-                              remedy="give a DataArray over (y, x) or (z, y, x)")
+        raise InvalidArgument(f"dims {values.dims}, shape {values.shape}", field="values",
+                              remedy="give (y, x) or (z, y, x), each 1 to 65535 long")
     data = np.ascontiguousarray(values.values)
     data = data.astype("u1") if data.dtype == bool else np.ascontiguousarray(data, data.dtype.newbyteorder("<"))
     scalar = _TYPES.get(data.dtype.str[1:])
@@ -190,7 +190,7 @@ class Reader:
         del self._bytes[:HEADER.size + size]
         words = [word.rstrip(b"\0 ") for word in (type_, name)]
         if not words[0] or not all(0x20 <= byte < 0x7F for word in words for byte in word):
-            raise BadMessage("a type or name that is no printable ASCII")
+            raise BadMessage("a type or name that is not printable ASCII")
         if crc64(body) != crc:
             raise BadMessage(f"{words[0].decode()} with a wrong CRC")
         if version == 2:

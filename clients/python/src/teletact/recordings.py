@@ -37,7 +37,10 @@ _COMPACT = {float: ("d", math.nan), int: ("q", -1), bool: ("b", -1)}  # array's 
 class Recording:
     """What was recorded. Every table's index is ``time_s`` since the first entry, by the recorder's clock.
 
-    Names of columns end in their units. ``servo``: one row for each tick; ``poses`` and ``answers`` of the touch
+    Names of columns end in their units. ``servo``: one row for each tick. ``state``: 0 DISABLED, 1 ENABLED, 2 PAUSED,
+    3 FAULT. ``reason`` of it: 0 start, 1 resumed, 2 silence, 3 paused, 4 disabled, 5 device lost, 6 not finite, 7 too
+    fast, 8 frozen. ``withheld``: share of the force. ``claim`` that was refused: 0 none, 1 silence, 2 age, 3 clutch,
+    4 ramp, 5 harder answer, 6 model, 7 contact law, 8 a law's border. ``poses`` and ``answers`` of the touch
     streams, ``call`` counts these; ``windows``: of an ``acquire``, times as the index; ``estimates``: their summaries.
     ``laws``: the contact law of each touch stream as it stood at its end, by ``call``; none where one was malformed.
     ``cut_short``: the writer was killed in its last entry. Tables of what was not recorded are empty.
@@ -71,7 +74,7 @@ def entries(path: str | Path) -> Iterator[recording.RecordEntry | None]:
 
 def entries_of(file: BinaryIO, path: str | Path) -> Iterator[recording.RecordEntry | None]:
     """The same of an open file, or of one that is still written. ``path``: for messages."""
-    damaged = DamagedFile(f"the recording '{path}' is damaged", remedy="record it anew")
+    damaged = DamagedFile(f"the recording '{path}' is damaged", remedy="record it again")
     while True:
         size = shift = 0
         while True:
@@ -175,7 +178,7 @@ class _Column:
 
 
 def _no_recording(path: str | Path) -> DamagedFile:
-    return DamagedFile(f"'{path}' is no recording of teletact-client",
+    return DamagedFile(f"'{path}' is not a teletact-client recording",
                        remedy="give a file of touch or acquire --record")
 
 
@@ -185,7 +188,7 @@ def check_header(first: recording.RecordEntry | None, path: str | Path) -> recor
         raise _no_recording(path)
     if first.header.version != _VERSION:
         raise DamagedFile(f"the recording '{path}' is of version {first.header.version}, and version {_VERSION} is read",
-                          remedy="record it anew")
+                          remedy="record it again")
     return first.header
 
 

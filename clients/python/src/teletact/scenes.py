@@ -91,7 +91,7 @@ def info_from(message: info.GetInfoResponse) -> Info:
 def scene_from(message: palpation.Scene, call: str) -> Scene:
     geometry = message.geometry
     if len(geometry.size_m) < 2 or not all(0 < size < math.inf for size in geometry.size_m):
-        raise BadAnswer(f"{list(geometry.size_m)}", field="geometry.size_m", call=call)
+        raise BadAnswer(f"{list(geometry.size_m)} is not a size", field="geometry.size_m", call=call)
     windows = []
     for window in message.windows:
         evidence = window.evidence if window.HasField("evidence") else None
@@ -202,7 +202,8 @@ def create_request(scene_id: str, modulus: Any, x_m: Any, y_m: Any, z_m: Any, sl
     if held is not None:
         for face in held:
             if face not in FACES:
-                raise InvalidArgument(f"{face!r} is no face", field="held", remedy=f"give some of {', '.join(FACES)}")
+                raise InvalidArgument(f"{face!r} is not a face", field="held",
+                                      remedy=f"give some of {', '.join(FACES)}")
             setattr(request.geometry.supports, face, True)
         request.geometry.supports.SetInParent()
     return request

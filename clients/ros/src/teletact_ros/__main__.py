@@ -38,8 +38,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--max-force-n", type=float, default=usual.force_n)
     parser.add_argument("--max-stiffness-n-m", type=float, default=usual.stiffness_n_m)
     parser.add_argument("--rate-hz", type=float, default=500.0, help="of servo_cf, 10 to 1000")
-    parser.add_argument("--without-noise", action="store_true", help="the arm's positions stand still to the last bit in"
-                        " a hand that does; that alone is no FAULT then")
+    parser.add_argument("--without-noise", action="store_true", help="the arm's positions have no noise: standing still"
+                        " to the last bit is not a FAULT")
     parser.add_argument("--tls-ca")
     parser.add_argument("--token-file")
     given = parser.parse_args(remove_ros_args(arguments)[1:])

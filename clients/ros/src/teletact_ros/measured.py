@@ -63,7 +63,7 @@ class Measured:
             return Verdict(why="its position is all zeros")
         size = float(np.linalg.norm(quaternion))
         if not abs(size - 1) < 1e-2:
-            return Verdict(why="its orientation is no unit quaternion")
+            return Verdict(why="its orientation is not a unit quaternion")
         orientation = quaternion / size
         velocity = self._velocity if now - self._velocity_s < _VELOCITY_S else None
         if why := self._watch.judge(now, position_m, velocity, orientation, under_force):
