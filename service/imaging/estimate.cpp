@@ -227,8 +227,8 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
   leave_out_coupling(*tracked.echoes, in.geometry, strain_.options(), e);
   if (e.coupling_m > 0)
     e.input_warnings.push_back(fmt::format(
-        "coupling: the upper {:.1f} mm of the image are no tissue: they hardly strain, and end at a bright "
-        "line; the tissue is taken to begin there, and nothing is said above it",
+        "coupling: the upper {:.1f} mm of the image are not tissue: they hardly strain, and end at a bright "
+        "line; the tissue is taken to begin there, and it has no modulus above",
         1e3 * e.coupling_m));
   ended(Stage::kStrain, e.strain_s);
 

@@ -63,8 +63,8 @@ class Direct : public ModulusMethod {
     }
     if (static_cast<double>(map.streaks) > kStreaks * static_cast<double>(nodes.size()))
       map.estimate.warn(ModulusFlag::kStreaks,
-                        "{} % of the window is hardly strained or gave no positive modulus: nothing is said "
-                        "there, and streaks may cross what is beside it",
+                        "{} % of the window is hardly strained or gave no positive modulus: it has no "
+                        "modulus there, and streaks may cross what is beside it",
                         100 * map.streaks / nodes.size());
     return std::move(map.estimate);
   }

@@ -234,8 +234,8 @@ void untracked(const ModulusInput& in, ModulusEstimate& out) {
   }
   if (without > kMaxUntracked * inside)
     out.warn(ModulusFlag::kUntracked,
-             "{:.0f} % of the image could not be tracked (low correlation): nothing is said there, and the "
-             "modulus beside it leans on the model",
+             "{:.0f} % of the image could not be tracked (low correlation): it has no modulus there, and "
+             "beside it the modulus depends on the model",
              100 * without / inside);
 }
 
@@ -246,7 +246,7 @@ void ramp(const ModulusInput& in, double noise, ModulusEstimate& out) {
   if (std::max(across, down) > std::max(kMaxRamp, std::exp(noise)))
     out.warn(ModulusFlag::kRamp,
              "the background's modulus ramps by a factor of {:.2f} across and {:.2f} down the window: the "
-             "probe may be tilted or touch in part, or the tissue's extent be another than stated",
+             "probe may be tilted or touch in part, or the tissue is larger or smaller than stated",
              across, down);
 }
 

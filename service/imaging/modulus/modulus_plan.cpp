@@ -86,12 +86,12 @@ ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness
   const double tolerance = std::max(need.tolerance, std::min(need.common / 2, kMaxTolerance));
   const double reference = expected_error(ModulusKind::kReferenceStress, uneven, noise),
                iterative = expected_error(ModulusKind::kIterative, uneven, noise);
-  std::string allowed = fmt::format("{} is allowed", percent(tolerance));
+  std::string allowed = fmt::format("{} is asked for", percent(tolerance));
   if (tolerance > need.tolerance)
-    allowed += fmt::format(": force sensor and contact area leave {} open", percent(need.common));
+    allowed += fmt::format(", as force sensor and contact area are uncertain by {}", percent(need.common));
   if (reference <= tolerance)
     return {ModulusKind::kReferenceStress, tolerance,
-            fmt::format("reference stress may put the force that a finger feels off by {} here; {}",
+            fmt::format("a force computed from reference stress may be off by {} here; {}",
                         percent(reference), allowed)};
   const bool known = std::isfinite(iterative);
   std::string off =
@@ -101,16 +101,16 @@ ModulusPlan plan_modulus(const ModulusNeed& need, double noise, const Unevenness
   if (!budget.start) {
     if (known)
       off = fmt::format(
-          "reference stress may put the force that a finger feels off by {} here, the iterative method by {}",
+          "a force computed from reference stress may be off by {} here, from the iterative method by {}",
           percent(reference), percent(iterative));
     return {ModulusKind::kReferenceStress, tolerance,
             fmt::format("{}; {}; {}", budget.why_steps, off, allowed)};
   }
   if (known)
-    off = fmt::format("the iterative method may put the force that a finger feels off by {} here, {}",
+    off = fmt::format("a force computed from the iterative method may be off by {} here, {}",
                       percent(iterative),
-                      iterative <= tolerance ? "reference stress by " + percent(reference)
-                                             : "and no other method does better");
+                      iterative <= tolerance ? "from reference stress by " + percent(reference)
+                                             : "and no other method is better");
   return {ModulusKind::kIterative, tolerance, fmt::format("{}; {}", off, allowed)};
 }
 

@@ -561,7 +561,7 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
   };
   const auto words_of = [](const Model& m) -> std::string {
     if (m.block) return "is a block as wide as the probe";
-    const std::string end = m.face.goes_on() ? "goes on beside the probe"
+    const std::string end = m.face.goes_on() ? "continues beside the probe"
                             : m.face.beside_m > 0
                                 ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
                                 : "is as wide as the probe";

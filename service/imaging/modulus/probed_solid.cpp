@@ -45,7 +45,7 @@ constexpr double kAccuracy = 2e-3, kAccuracyOfSides = 2e-2, kMinAccuracy = 5e-2;
 
 void require_above_zero(double value, const char* field) {
   if (!(value > 0 && std::isfinite(value)))
-    throw std::invalid_argument(std::string(field) + ": must be above 0 m");
+    throw std::invalid_argument(fmt::format("{}: {} m is not positive and finite", field, value));
 }
 
 // `fine` rows of the image, and growing ones below it.

@@ -25,8 +25,8 @@ void check_samples(const RfFrame& frame, const char* name) {
     if (n % frame.sample_count == 0) check_cancelled();
     if (!std::isfinite(frame.samples[n]))
       refuse(
-          fmt::format("{}.samples: not a finite number at sample {} of line {}; replace it (0 where nothing "
-                      "was recorded)",
+          fmt::format("{}.samples: not a finite number at sample {} of line {}; replace it (by 0 if nothing "
+                      "was recorded there)",
                       name, n % frame.sample_count, n / frame.sample_count));
   }
 }

@@ -33,10 +33,9 @@ TEST(ModulusPlan, IsIterativeWhereThereIsTimeAndLittleNoise) {
       EXPECT_EQ(plan.kind, ModulusKind::kIterative);
       EXPECT_DOUBLE_EQ(plan.tolerance, 0.03);
     }
-  EXPECT_EQ(
-      plan_modulus(kUsual, kQuiet, kEven, {}).why,
-      "the iterative method may put the force that a finger feels off by 1.0 % here, reference stress by "
-      "3.2 %; 3.0 % is allowed")
+  EXPECT_EQ(plan_modulus(kUsual, kQuiet, kEven, {}).why,
+            "a force computed from the iterative method may be off by 1.0 % here, from reference stress by "
+            "3.2 %; 3.0 % is asked for")
       << "nothing is known of the time";
 }
 
@@ -44,7 +43,7 @@ TEST(ModulusPlan, IsCheaperWhereTheSensorLeavesMoreOpenThanItCures) {
   const ModulusPlan plan = plan_modulus({0.03, 0.15}, kQuiet, kEven, time_of({}));
   EXPECT_EQ(plan.kind, ModulusKind::kReferenceStress);
   EXPECT_DOUBLE_EQ(plan.tolerance, 0.075);
-  EXPECT_TRUE(says(plan, "leave 15.0 % open")) << plan.why;
+  EXPECT_TRUE(says(plan, "uncertain by 15.0 %")) << plan.why;
   EXPECT_EQ(plan_modulus({0.03, 0.15}, kQuiet, kLump, time_of({})).kind, ModulusKind::kIterative)
       << "what reference stress loses of a lump is more";
   EXPECT_DOUBLE_EQ(plan_modulus({0.03, 1}, kQuiet, kEven, time_of({})).tolerance, 0.1) << "and no more";
@@ -55,7 +54,7 @@ TEST(ModulusPlan, IsNotCheaperWhereThereIsNoise) {
   EXPECT_EQ(plan_modulus({0.1, 0}, 0.08, kEven, time_of({})).kind, ModulusKind::kReferenceStress);
   const ModulusPlan noisy = plan_modulus({0.1, 0}, 0.17, {0.15, 0.15}, time_of({}));
   EXPECT_EQ(noisy.kind, ModulusKind::kIterative);
-  EXPECT_TRUE(says(noisy, "and no other method does better")) << noisy.why;
+  EXPECT_TRUE(says(noisy, "and no other method is better")) << noisy.why;
 }
 
 // Whatever is allowed, and in tissue that looks even.

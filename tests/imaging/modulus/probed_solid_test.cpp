@@ -190,7 +190,7 @@ TEST(ProbeFit, TellsWhereTissueEndsAndWhetherItSlides) {
     const char* is;
   };
   for (const Case& c :
-       {Case{face(), "that goes on beside the probe, under"},
+       {Case{face(), "that continues beside the probe, under"},
         Case{face(0.007), "that ends some 7 mm beside the probe"},
         Case{face(0.015, true), "that ends some 15 mm beside the probe and slides on its support"},
         Case{face(0), "that is as wide as the probe"}}) {
@@ -223,7 +223,7 @@ TEST(ProbeFit, AModulusThatFallsWithDepthIsNotTakenForSides) {
     std::nth_element(deviations.begin(), deviations.begin() + deviations.size() / 2, deviations.end());
     const double stated = deviations[deviations.size() / 2];
     std::printf("falls by %.1f: background %.2f, stated %.2f: %s\n", falls, found, stated, e.model.c_str());
-    EXPECT_TRUE(says(e, "that goes on beside the probe")) << e.model;
+    EXPECT_TRUE(says(e, "that continues beside the probe")) << e.model;
     EXPECT_GE(stated, 0.12) << "of either";
     EXPECT_NEAR(found, 1, 0.2) << e.model;
     EXPECT_LE(std::abs(std::log(found)), 2 * stated) << e.model;
