@@ -240,7 +240,8 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
                      .tissue = in.tissue,
                      .force = in.force,
                      .known = in.known,
-                     .beside = in.beside};
+                     .beside = in.beside,
+                     .sound_speed_deviation = in.sound_speed_deviation};
   if (e.coupling_m > 0) place_below(e.coupling_m, input);
   e.modulus = find_modulus(input, in.modulus);  // T3.1 to T3.3, T3.6, T3.8
   judge(input, *strips_, e.modulus);            // T3.4

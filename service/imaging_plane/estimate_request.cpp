@@ -97,7 +97,13 @@ void settle_force(EstimateRequest& r, const Limits& limits) {
   force.force_n = shown_n / r.force_gain;
   force.own_deviation = std::hypot(relative(r.force_std_n, shown_n, choices::kForceDeviation),
                                    relative(r.force_zero_std_n, shown_n));
-  force.shared_deviation = std::hypot(gain, r.area_relative_deviation);
+  // Of a solid's face the area tells the length alone, which its fit holds.
+  const bool solid = r.tissue.plane == Plane::kSolid;
+  if (solid && r.tissue.probe_elevation_m == 0) {
+    r.tissue.probe_elevation_m = force.contact_area_m2 / r.window_width_m();
+    r.tissue.probe_elevation_std_m = r.area_relative_deviation * r.tissue.probe_elevation_m;
+  }
+  force.shared_deviation = solid ? gain : std::hypot(gain, r.area_relative_deviation);
   r.force_relative_deviation = std::hypot(force.own_deviation, gain);
 }
 

@@ -345,7 +345,8 @@ const char* words_of(ModulusFlag cause, bool stated) {
   if (stated) return ": that is what the stated deviations of force, area and tissue leave open";
   if (cause == ModulusFlag::kNoise) return ": the strain is noisy; press further between the frames";
   if (cause == ModulusFlag::kUnstated)
-    return ": that is what the probe's elevation or the tissue's depth, which were not stated, change in it";
+    return ": that is what the probe's elevation or the tissue's depth, which were not stated, or not well, "
+           "change in it";
   return ": the strain fits models of the tissue whose modulus differs; state the tissue's size and the face";
 }
 
@@ -409,7 +410,7 @@ void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
     const double after = typical(out.log_deviation);
     parts.push_back({cause, std::sqrt(std::max(0.0, after * after - before * before))});
   };
-  widened_by(ModulusFlag::kPressure, [&] { pressure(in, strips, out); });
+  pressure(in, strips, out);
   widened_by(ModulusFlag::kScale, [&] { scale(in, out); });
   check_cancelled();
   widened_by(ModulusFlag::kExtent, [&] { extent(in, out); });

@@ -13,7 +13,7 @@ double correlation_with_common(double length_m, double own, double common);
 // Adds to `out`, whatever the method: log_deviation (the method's posterior, else the noise of the axial
 // strain and a floor; what a jump of the modulus is smeared over and what is lost of its contrast), the
 // length that it correlates over, and the flags kUntracked, kRamp, kOutOfPlane, kPressure, kScale, kExtent
-// with their words. The last three widen the deviation by what they found, and so does a solid's kMisfit.
+// with their words. The last two widen the deviation by what they found, and so does a solid's kMisfit.
 // Where the median deviation is then above a quarter, whatever it is made of most says so: kNoise, kModels,
 // kUnstated, or what has warned before, each with this median.
 void judge(const ModulusInput&, StripCache&, ModulusEstimate& out);

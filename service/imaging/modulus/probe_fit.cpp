@@ -46,11 +46,11 @@ constexpr double kVary = 0.15, kTiltStep = 0.1;
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
 constexpr int kRounds = 3, kRoundsOfOthers = 2;
-constexpr double kWorthless = 5;          // ln of the odds against a model that is not looked at closer
-constexpr double kLeastWeight = 0.01;     // of a model that counts
-constexpr double kLogLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
-constexpr double kMaxTiltOfSides = 0.2;   // of the push, to an end of the face: with more none are tried
-constexpr int kCoarsePerSolve = 4;        // solves of coarse tissue that take as long as a fine one
+constexpr double kWorthless = 5;         // ln of the odds against a model that is not looked at closer
+constexpr double kLeastWeight = 0.01;    // of a model that counts
+constexpr double kLateralRatio = 0.1;    // deviation of - lateral over axial strain, model and measured
+constexpr double kMaxTiltOfSides = 0.2;  // of the push, to an end of the face: with more none are tried
+constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
 
 constexpr double kFarFromStated = 3, kContradicted = 2;  // deviations of what is stated
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
@@ -145,6 +145,7 @@ VectorXd sampled(const VectorXd& of, const CellGrid& cells, const CellGrid& at) 
 // What all models are held against: coarse cells, linear about a face.
 struct ProbeFitter::Window {
   std::optional<double> beside_m;  // stated
+  double beside_std_m;
   Known elevation, depth;
   double lateral_ratio = NAN;
   CellStrains measured = {};
@@ -184,17 +185,19 @@ struct ProbeFitter::Weighed {
 ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
     : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
 
-const ProbeFitter::Answer& ProbeFitter::answer(const ProbeFace& face, bool tilted, double cell_m) {
+const ProbeFitter::Answer& ProbeFitter::answer(ProbeFace face, bool tilted, double cell_m) {
+  face.depth_m = std::max(face.depth_m, face.image_depth_m);  // so that the cells are those of the image
   for (const auto& known : answers_)
     if (known->face == face && !known->block && known->cell_m == cell_m && (!tilted || known->by_tilt.size()))
       return *known;
   check_cancelled();
+  // One that fails counts as well.
+  coarse_solves_ += (tilted ? 2 : 1) * (cell_m == kCoarseCellM ? 1 : kCoarsePerSolve);
+  if (cell_m == kFineCellM) kept_.reset();
   const auto tissue = make_probed_solid(queue_, face, cell_m);
-  const int cost = cell_m == kCoarseCellM ? 1 : kCoarsePerSolve;
   Answer out = answer_of(*tissue, face);
-  out.cell_m = cell_m, coarse_solves_ += cost;
+  out.cell_m = cell_m;
   if (tilted) {
-    coarse_solves_ += cost;
     const VectorXd more =
         -as_measured(tissue->push_homogeneous(kTiltStep).axial_strain, tissue->cells(), strain_);
     out.by_tilt = (more.array() / out.log_strain.array().exp() - 1) / kTiltStep;
@@ -206,8 +209,9 @@ const ProbeFitter::Answer& ProbeFitter::block_answer(const ProbeFace& face, cons
   for (const auto& known : answers_)
     if (known->face == face && known->block) return *known;
   check_cancelled();
+  coarse_solves_ += kCoarsePerSolve;
   Answer out = answer_of(*make_probed_block(face, *strips_, kCoarseCellM), face);
-  out.block = true, ++coarse_solves_;
+  out.block = true;
   out.log_strain = sampled(out.log_strain, out.cells, cells);
   return keep(std::move(out));
 }
@@ -250,7 +254,7 @@ void ProbeFitter::fit(const Window& w, Model& m, double scale) {
   }
   m.fit = fit_robustly(residual, w.measured.observed, columns, w.places, scale);
   if (std::isfinite(w.lateral_ratio))
-    m.fit.misfit += std::log1p(squared((w.lateral_ratio - m.answer->lateral_ratio) / kLogLateralRatio) / 2);
+    m.fit.misfit += std::log1p(squared((w.lateral_ratio - m.answer->lateral_ratio) / kLateralRatio) / 2);
 }
 
 // To where its elevation, depth and end are linear.
@@ -311,19 +315,28 @@ ProbeFitter::Model ProbeFitter::reference(Window& w, const ProbeFace& start, int
   w.finer = sampled(fine.log_strain, fine.cells, w.cells) - out.answer->log_strain;
   for (int round = 1;; ++round) {
     fit(w, out, 0);
-    const ProbeFace before = out.face;
-    if (round < rounds) settle(w, out, 1);
-    if (out.face == before) return out;
-    linear();
+    if (round == rounds) return out;
+    const Window last = w;
+    const Model settled = out;
+    settle(w, out, 1);
+    if (out.face == settled.face) return out;
+    try {
+      linear();
+    } catch (const std::invalid_argument&) {  // its neighbours are beyond what is modelled
+      w = last;
+      return settled;
+    }
   }
 }
 
 // What else the tissue may be.
 void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
-  const bool stated = w.beside_m.has_value();
+  // What ends that far away is as if it went on.
+  const bool stated = w.beside_m.has_value(),
+             wide = stated && *w.beside_m >= kBesideDepths.back() * w.face.depth_m;
   const double others = stated ? 1 - kBesideAsStated : 1, places = kBesideDepths.size(),
                end = (1 - kGoesOn - kIsBlock) / places;
-  models[0].log_prior = std::log(kGoesOn * (1 - kSlides) * others);
+  models[0].log_prior = std::log((kGoesOn * others + (wide ? kBesideAsStated : 0)) * (1 - kSlides));
   // A face that touches in part looks tilted, and sides would explain some of it.
   const bool tilted = std::abs(models[0].fit.at[kTilt]) > kMaxTiltOfSides;
   const auto consider = [&](Model model, double prior) {
@@ -341,12 +354,15 @@ void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
   };
   if (w.face.image_depth_m < kDeepestBlockM) {
     Model block = with(0, false);
-    block.block = true;
+    block.block = true, block.face.elevation_m = std::exp(w.elevation.log);
     consider(std::move(block), kIsBlock * others);
   }
   for (const bool slides : {false, true}) {
-    if (tilted) return;
     const double of_support = slides ? kSlides : 1 - kSlides;
+    if (tilted) {
+      if (stated && !wide) consider(with(*w.beside_m, slides), kBesideAsStated * of_support);
+      continue;
+    }
     const std::size_t first = models.size(), last = first + kBesideDepths.size() - 1;
     for (std::size_t k = 0; k < kBesideDepths.size(); ++k) {
       const double before = kBesideDepths[std::max<std::size_t>(k, 1) - 1],
@@ -361,7 +377,16 @@ void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
       models[k].by_beside = (after.answer->log_strain - before.answer->log_strain) / steps;
       models[k].force_by_beside = (after.answer->log_force - before.answer->log_force) / steps;
     }
-    if (stated) consider(with(*w.beside_m, slides), kBesideAsStated * of_support);
+    if (!stated || wide || models.size() != last + 1) continue;
+    // Its deviation moves it as the nearest place's step would.
+    const Model& near =
+        *std::ranges::min_element(models.begin() + static_cast<std::ptrdiff_t>(first), models.end(), {},
+                                  [&](const Model& m) { return std::abs(m.place_m - *w.beside_m); });
+    const double std_m = w.beside_std_m > 0 ? w.beside_std_m : kLogStated * *w.beside_m;
+    Model as_stated = with(*w.beside_m, slides, std_m / kOfGridStep);
+    as_stated.by_beside = near.by_beside * as_stated.step_m / near.step_m;
+    as_stated.force_by_beside = near.force_by_beside * as_stated.step_m / near.step_m;
+    consider(std::move(as_stated), kBesideAsStated * of_support);
   }
 }
 
@@ -371,15 +396,19 @@ ProbeFitter::Weighed ProbeFitter::weigh(Window window, const ProbeFace& start, b
   if (!all) return out;
   consider_others(out.window, out.models);
   for (Model& m : out.models) fit(out.window, m, 0);
+  const double scale = std::hypot(out.least().fit.rest, kModelLog);
+  for (Model& m : out.models) fit(out.window, m, scale);
+  const double best = out.best();
   for (Model& m : out.models)
-    if (m.odds() > out.best() - kWorthless) settle(out.window, m, kRoundsOfOthers);
+    if (m.odds() > best - kWorthless) settle(out.window, m, kRoundsOfOthers);
   return out;
 }
 
 int ProbeFitter::max_solves(FitEffort effort) {
-  constexpr int kReference = kCoarsePerSolve + 4 * kRounds, kFirst = kCoarsePerSolve + 4,
-                kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1) + 1,
-                kWeigh = kReference + (1 + kOthers) * (1 + kRoundsOfOthers);
+  // Of a reference: fine; level, tilted and two neighbours, or four; and where it moves to.
+  constexpr int kReference = kCoarsePerSolve + 6 + 7 * (kRounds - 1), kFirst = kCoarsePerSolve + 6,
+                kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1),
+                kWeigh = kReference + kCoarsePerSolve + kOthers + (1 + kOthers) * kRoundsOfOthers;
   const int coarse = effort == FitEffort::kUsual ? kFirst : kReference + 2 * kWeigh;
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
@@ -396,7 +425,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
                     1e3 * in.tissue.depth_m, 1e3 * top_m));
   const double shown_m = measured.grid.y_m(measured.grid.size() - 1) + measured.grid.dy_m / 2 - top_m,
                image_m = in.tissue.depth_stated ? std::min(shown_m, depth_m) : shown_m;
-  Window w{in.tissue.beside_m, elevation_known(in.tissue, elevation_m),
+  Window w{in.tissue.beside_m, in.tissue.beside_std_m, elevation_known(in.tissue, elevation_m),
            depth_known(in.tissue, depth_m, image_m)};
   if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
   const auto usual = [&](const Window& of) {
@@ -422,12 +451,15 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       nothing.depth_stated = false;
       Window open = w;
       open.elevation = elevation_known(nothing, 0), open.depth = depth_known(nothing, depth_m, image_m);
-      const ProbeFace free = reference(open, usual(open), kRounds).face;
       const auto far = [](const Known& stated, double at_m) {
         return stated.stated && std::abs(std::log(at_m) - stated.log) > kFarFromStated * stated.deviation;
       };
-      if (far(w.elevation, free.elevation_m) || far(w.depth, free.depth_m))
-        starts.push_back(weigh(w, free, true));
+      try {
+        const ProbeFace free = reference(open, usual(open), kRounds).face;
+        if (far(w.elevation, free.elevation_m) || far(w.depth, free.depth_m))
+          starts.push_back(weigh(w, free, true));
+      } catch (const std::invalid_argument&) {  // that face is beyond what is modelled
+      }
     }
     starts.push_back(std::move(found));
     const Model& least =
@@ -501,6 +533,7 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
   };
   const auto found = [&](const Model& m, double share = 1) {
     VectorXd log_strain = m.answer->log_strain;
+    if (!m.block) log_strain += w.finer;
     double log_force = m.answer->log_force - (m.face.goes_on() ? log_share : 0);
     const auto add = [&](Index column, const VectorXd& of_strain, double of_force) {
       log_strain += share * m.fit.at[column] * of_strain, log_force += share * m.fit.at[column] * of_force;
@@ -520,7 +553,9 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
   for (const Model& m : weighed.models)
     if (m.weight > kLeastWeight) variance += m.weight * (found(m) - used - mean).cwiseAbs2();
   out.between = in_cells(variance.cwiseSqrt());
-  // And what the likeliest leaves open of itself.
+  // And what the likeliest leaves open of itself; of a block, whose length alone bears the force, that.
+  if (likeliest.block && in.force)
+    out.changes.push_back(VectorXd::Constant(static_cast<Index>(cells.size()), w.elevation.deviation));
   if (!likeliest.block) {
     std::vector<VectorXd> by{of_modulus(w.by_elevation, w.force_by_elevation),
                              of_modulus(w.by_depth, w.force_by_depth)};
@@ -542,15 +577,22 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
                                              : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);
   out.as_usual = !all && !(w.elevation.stated && w.depth.stated);
   out.unweighed = !all && (out.rest > kWellExplained || std::abs(grading) > kNotedGrading);
-  if (out.unweighed) out.common_log = std::hypot(out.common_log, kUnweighedLog);
+  // Nor was it where the face is tilted so much.
+  const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
+  if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);
+  const auto fitted = [&](double at_m, Index column) {
+    return all && !likeliest.block ? at_m * std::exp(likeliest.fit.at[column]) : at_m;
+  };
+  const double elevation_m = fitted(out.face.elevation_m, kElevation),
+               depth_m = fitted(out.face.depth_m, kDepth);
   const auto contradicts = [&](const Known& known, double at_m, const char* what) {
-    if (likeliest.block || !known.contradicted(at_m)) return;
+    if (!known.contradicted(at_m)) return;
     out.contradicted +=
         fmt::format("{}{} is stated as {:.1f} mm, but the strain shows {:.1f} mm",
                     out.contradicted.empty() ? "" : "; ", what, 1e3 * std::exp(known.log), 1e3 * at_m);
   };
-  contradicts(w.elevation, out.face.elevation_m, "the face's length across the image");
-  contradicts(w.depth, out.face.depth_m, "the tissue's depth");
+  contradicts(w.elevation, elevation_m, "the face's length across the image");
+  if (!likeliest.block) contradicts(w.depth, depth_m, "the tissue's depth");
   if (!out.contradicted.empty()) out.common_log = std::hypot(out.common_log, kContradictedLog);
 
   const auto origin = [&](const Known& of, double at_m) {
@@ -560,7 +602,7 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
                                                               : "fitted");
   };
   const auto words_of = [](const Model& m) -> std::string {
-    if (m.block) return "is a block as wide as the probe";
+    if (m.block) return "is a tall block as wide as the probe";
     const std::string end = m.face.goes_on() ? "continues beside the probe"
                             : m.face.beside_m > 0
                                 ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
@@ -574,8 +616,8 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
   out.words = fmt::format(
       "solid tissue {:.0f} mm deep ({}) that {}, under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the "
       "strain unexplained where it is homogeneous",
-      1e3 * out.face.depth_m, origin(w.depth, out.face.depth_m), tissue, 1e3 * out.face.width_m,
-      1e3 * out.face.elevation_m, origin(w.elevation, out.face.elevation_m), 100 * out.rest);
+      1e3 * depth_m, origin(w.depth, depth_m), tissue, 1e3 * out.face.width_m, 1e3 * elevation_m,
+      origin(w.elevation, elevation_m), 100 * out.rest);
   if (std::abs(grading) > kNotedGrading)
     out.words +=
         fmt::format("; its modulus {} by a factor of {:.1f} from the face to the bottom of the image",

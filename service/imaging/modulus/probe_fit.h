@@ -31,7 +31,7 @@ struct ProbeFit {
   double top_m = 0;  // depth of the face in the image
   CellStrains measured;
   Eigen::VectorXd by_tilt;   // d ln(strain) per unit of tilt
-  double lateral_ratio = 0;  // - lateral over axial strain, median of the cells that are observed
+  double lateral_ratio = 0;  // - lateral over axial strain, median
   // What ln E is beyond that of the likeliest tissue, in the mean over all by their weights; the root of its
   // variance between them; and its change by one standard deviation of each thing that the likeliest leaves
   // open of itself.
@@ -70,7 +70,7 @@ class ProbeFitter {
     double log_force, lateral_ratio;
     Eigen::VectorXd by_tilt;  // d ln(strain), where it was asked for
   };
-  const Answer& answer(const ProbeFace&, bool tilted = false, double cell_m = kCoarseCellM);
+  const Answer& answer(ProbeFace, bool tilted = false, double cell_m = kCoarseCellM);
   const Answer& block_answer(const ProbeFace&, const CellGrid&);
   Answer answer_of(ProbedTissue&, const ProbeFace&) const;
   const Answer& keep(Answer);

@@ -58,7 +58,7 @@ RobustFit fit_robustly(const VectorXd& field, const VectorXd& told, const std::v
     std::ranges::transform(left, sizes.begin(), [](double v) { return std::abs(v); });
     out.rest = std::max(1.48 * median(sizes), kMinRest);
   }
-  out.level = at[0], out.at = at.tail(count);
+  out.at = at.tail(count);
   out.left = VectorXd::Zero(field.size());
   for (Index r = 0; r < rows; ++r) out.left[cells[static_cast<std::size_t>(r)]] = left[r];
   out.covariance = factor.solve(MatrixXd::Identity(count + 1, count + 1)).bottomRightCorner(count, count);

@@ -19,7 +19,6 @@ struct FitColumn {
 };
 
 struct RobustFit {
-  double level = 0;
   Eigen::VectorXd at;          // of each column
   Eigen::MatrixXd covariance;  // of those
   Eigen::VectorXd left;        // of the field, 0 where nothing was told

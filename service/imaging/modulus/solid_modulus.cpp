@@ -185,8 +185,9 @@ class SolidModulusMethod : public ModulusMethod {
           residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
       if (!(observed.maxCoeff() > 0))
         throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
-      const RobustFit at = fit_robustly(theta + residual, observed, {{-fit.by_tilt, 0, kUsualTilt, false}},
-                                        cells.spacing_m * cells.row_m / kAlikeM2);
+      const RobustFit at =
+          fit_robustly(theta + residual, observed, {{-fit.by_tilt, -tilt, kUsualTilt, false}},
+                       cells.spacing_m * cells.row_m / kAlikeM2);
       const double before = tilt;
       tilt = std::clamp(tilt + at.at[0], -kMaxTilt, kMaxTilt);
       tilt_deviation = std::sqrt(at.covariance(0, 0));
@@ -300,7 +301,7 @@ class SolidModulusMethod : public ModulusMethod {
     for (std::size_t n = 0; n < image.size(); ++n) {
       if (n % image.nx == 0) check_cancelled();
       const double y_m = image.y_m(n) - fit.top_m;
-      if (!in.measured.displacement_valid[n] || y_m < 0 || y_m > fit.face.depth_m) continue;
+      if (!in.measured.displacement_valid[n] || y_m < 0 || y_m > fit.face.image_depth_m) continue;
       out.youngs_modulus[n] =
           static_cast<float>(std::exp(at_node(found.log_modulus, cells, image, fit.top_m, n) + log_scale));
       out.log_deviation[n] = static_cast<float>(at_node(found.deviation, cells, image, fit.top_m, n));

@@ -136,10 +136,19 @@ void leave_out_coupling(const Echoes& echoes, const AcquisitionGeometry& geometr
         values.push_back(m.axial_strain[n]);
     return values;
   };
+  const auto power = [&](int from, int to) {
+    double sum = 0;
+    for (std::size_t l = 0; l < echoes.lines.size(); ++l)
+      for (int r = from; r < to; ++r)
+        sum += echoes.power[l * static_cast<std::size_t>(echoes.rows) + static_cast<std::size_t>(r)];
+    return sum / std::max(to - from, 1);
+  };
   const std::vector<int> bright = bright_rows(echoes);
   for (auto row = bright.rbegin(); row != bright.rend() && m.coupling_m == 0; ++row) {
     const double surface_m = geometry.first_sample_depth_m + *row * row_m;
     std::vector<float> above = strains(0, surface_m - half_m), below = strains(surface_m + half_m, HUGE_VAL);
+    // Without a strain above it, what echoes as loud as below is tissue that was not tracked.
+    if (above.empty() && !(power(0, *row) < kStill * power(*row, echoes.rows))) continue;
     if (!below.empty() && std::abs(median(above)) < kStill * std::abs(median(below)))
       m.coupling_m = surface_m;
   }
