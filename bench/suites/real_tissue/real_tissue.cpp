@@ -200,28 +200,33 @@ void promise(const std::vector<RealResult>& rows, Promises& promises) {
 void promise_independent(const std::vector<RealResult>& wide, const std::vector<RealResult>& beside,
                          Promises& promises) {
   constexpr double kOff = 0.1, kMinHeld = 0.85;
-  double background = 0, contrast = 0, pooled = 0, seeds = 0, least = 1, spread = 1, without = 0, refused = 0;
+  double background = 0, contrast = kNan, pooled = 0, seeds = 0, least = 1, spread = 1, without = 0;
+  std::size_t refused = 0;
   for (const std::vector<RealResult>* rows : {&wide, &beside})
     for (const RealResult& r : *rows) {
       const auto judged = static_cast<double>(r.seeds - r.refused);
       if (judged > 0) pooled += r.coverage * judged, seeds += judged;
-      refused += static_cast<double>(r.refused);
+      refused += r.refused;
       least = std::min(least, r.coverage_worst), spread = std::max(spread, r.deviation_spread);
-      if (r.contrast_of_lump != 1) contrast = std::max(contrast, std::abs(r.contrast - 1));
+      if (r.contrast_of_lump != 1) contrast = std::fmax(contrast, std::abs(r.contrast - 1));
     }
   if (wide.empty() && beside.empty()) return;
   for (const RealResult& r : wide) background = std::max(background, std::abs(r.background - 1));
   for (const RealResult& r : beside)
     without += !(std::abs(r.background_worst - 1) <= kOff ||
                  (r.coverage_worst >= kMinHeld && r.background_held == r.seeds));
-  promises.push_back({"independent_windows_refused", refused, 0});
+  promises.push_back({"independent_windows_refused", static_cast<double>(refused), 0});
   promises.push_back(
       {"independent_nodes_in_their_95_percent_interval_at_least", pooled / seeds, 0.92, "", false});
   promises.push_back({"independent_nodes_in_their_95_percent_interval_at_most", pooled / seeds, 0.98});
   promises.push_back({"independent_nodes_of_the_worst_pair_in_it", least, kMinHeld, "", false});
-  promises.push_back({"independent_background_of_the_worst_wide_row_off_by", background, 0.03});
-  promises.push_back({"independent_contrast_of_the_worst_row_off_by", contrast, 0.07});
-  promises.push_back({"independent_rows_beside_neither_within_10_percent_nor_in_their_interval", without, 0});
+  if (!wide.empty())
+    promises.push_back({"independent_background_of_the_worst_wide_row_off_by", background, 0.03});
+  if (!std::isnan(contrast))
+    promises.push_back({"independent_contrast_of_the_worst_row_off_by", contrast, 0.07});
+  if (!beside.empty())
+    promises.push_back(
+        {"independent_rows_beside_neither_within_10_percent_nor_in_their_interval", without, 0});
   promises.push_back({"independent_stated_deviation_over_speckle_max_over_min", spread, 1.3});
 }
 
