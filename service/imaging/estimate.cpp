@@ -158,7 +158,9 @@ DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post
   DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry);
   e.grid = image_grid(displacement.grid, geometry);
   download(queue_, displacement, e);
-  if (auto text = contradicted_rf(pre))
+  constexpr double kLongPeriod = 40;  // samples: longer than where it is looked for
+  const bool short_period = geometry.sampling_frequency_hz < kLongPeriod * geometry.center_frequency_hz;
+  if (auto text = short_period ? contradicted_rf(pre) : std::nullopt)
     e.input_warnings.push_back(*text);
   else if (text = contradicted_frequency(pre, geometry); text)
     e.input_warnings.push_back(*text);
