@@ -209,7 +209,7 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
 }
 
 DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
-                                                     const AcquisitionGeometry& geometry) {
+                                                     const AcquisitionGeometry& geometry, int first) {
   if (work_ && !work_->serves(pre, geometry)) work_.reset();  // first: its room may be needed
   if (!work_) {
     auto work = std::make_unique<Workspace>(pre, geometry, options_);
@@ -219,16 +219,15 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
   Workspace& w = *work_;
   const auto load = [&](const RfFrame& frame, Array<float>& image, Array<EchoSpan>& spans,
                         Array<EchoSpan>& inner) {
-    Echoes echoes = find_echoes(frame, geometry);
-    queue_.write(image, padded(frame, w.pad, echoes.lines).data(), w.pad.total);
-    queue_.write(spans, echoes.lines.data(), echoes.lines.size());
-    const std::vector<EchoSpan> away =
-        away_from_silence(echoes.lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
-                          half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
-    queue_.write(inner, away.data(), away.size());
-    return echoes;
+    std::vector<EchoSpan> lines = find_echoes(frame, geometry).lines;
+    for (EchoSpan& span : lines) span.first = std::max(span.first, std::min(first, span.end));
+    queue_.write(image, padded(frame, w.pad, lines).data(), w.pad.total);
+    queue_.write(spans, lines.data(), lines.size());
+    lines = away_from_silence(lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
+                              half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
+    queue_.write(inner, lines.data(), lines.size());
   };
-  w.found.echoes = std::make_shared<const Echoes>(load(pre, w.frames.pre, w.pre_spans, w.pre_inner));
+  load(pre, w.frames.pre, w.pre_spans, w.pre_inner);
   load(post, w.frames.post, w.post_spans, w.post_inner);
   w.matched = false;
   search();
