@@ -155,9 +155,25 @@ void Elastography::judge_tracking(const RfFrame& pre, const RfFrame& post,
 
 DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post,
                                          const AcquisitionGeometry& geometry, Estimate& e) {
-  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry);
+  // Coupling is left out, and looked at again without it.
+  const bool probe_rests = geometry.frame == DisplacementFrame::kProbe;
+  const int tissue_from = probe_rests ? coupling_end(pre, post, geometry) : 0;
+  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, tissue_from);
   e.grid = image_grid(displacement.grid, geometry);
   download(queue_, displacement, e);
+  if (tissue_from > 0) {
+    const double surface_m = geometry.first_sample_depth_m + tissue_from * geometry.sample_pitch_m();
+    if (rests_below(surface_m, e)) {
+      e.coupling_m = surface_m;
+      e.input_warnings.push_back(fmt::format(
+          "coupling: the upper {:.1f} mm of the image are not tissue: they hardly strain, and end at "
+          "a bright line; the tissue is taken to begin there, and it has no modulus above",
+          1e3 * surface_m));
+    } else {
+      displacement = displacement_.estimate(pre, post, geometry);
+      download(queue_, displacement, e);
+    }
+  }
   constexpr double kLongPeriod = 40;  // samples: longer than where it is looked for
   const bool short_period = geometry.sampling_frequency_hz < kLongPeriod * geometry.center_frequency_hz;
   if (auto text = short_period ? contradicted_rf(pre) : std::nullopt)
@@ -226,12 +242,7 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
 
   const StrainEstimate strained = strain_.estimate(tracked, e.grid);  // T2.4
   download(queue_, strained, e);
-  leave_out_coupling(*tracked.echoes, in.geometry, strain_.options(), e);
-  if (e.coupling_m > 0)
-    e.input_warnings.push_back(fmt::format(
-        "coupling: the upper {:.1f} mm of the image are not tissue: they hardly strain, and end at a bright "
-        "line; the tissue is taken to begin there, and it has no modulus above",
-        1e3 * e.coupling_m));
+  if (e.coupling_m > 0) leave_out_above(e.coupling_m + strain_.options().kernel_axial_m, e);
   ended(Stage::kStrain, e.strain_s);
 
   // Depths of the tissue are told from its own surface.

@@ -360,5 +360,36 @@ TEST(PhantomS2000, NearlyAllOfTheTissueIsValid) {
   EXPECT_GE(e.quality, 0.9);
 }
 
+// The last tenth of both frames holds nothing: as if it were cut off.
+TEST(PhantomS2000, ASilentTailIsAsIfItWereCutOff) {
+  SKIP_WITHOUT_DATA("phantom-s2000");
+  RecordedPair silent = phantom_s2000(), cut = silent;
+  const std::size_t all = silent.pre.sample_count, heard = all - all / 10;
+  for (const auto& [whole, trimmed] :
+       {std::pair{&silent.pre, &cut.pre}, std::pair{&silent.post, &cut.post}}) {
+    trimmed->sample_count = heard, trimmed->samples.clear();
+    for (std::size_t l = 0; l < whole->line_count; ++l) {
+      const auto line = whole->samples.begin() + static_cast<std::ptrdiff_t>(l * all), end = line + heard;
+      trimmed->samples.insert(trimmed->samples.end(), line, end);
+      std::fill(end, line + all, 0.0f);
+    }
+  }
+  const Estimate a = estimate(silent, 0.060), b = estimate(cut, 0.060);
+  const double heard_m = static_cast<double>(heard) * silent.geometry.sample_pitch_m();
+  double compared = 0;
+  for (std::size_t n = 0; n < a.grid.size(); ++n) {
+    if (!a.strain_valid[n]) continue;
+    EXPECT_LT(y_of(a, n), heard_m - 1e-3);
+    const double row = (y_of(a, n) - b.grid.origin_y_m) / b.grid.dy_m;
+    const std::size_t above = static_cast<std::size_t>(row) * b.grid.nx + n % a.grid.nx,
+                      below = above + b.grid.nx;
+    if (y_of(a, n) < heard_m - 5e-3 || !b.strain_valid[above] || !b.strain_valid[below]) continue;
+    const double share = row - std::floor(row);
+    EXPECT_NEAR(a.axial_strain[n], (1 - share) * b.axial_strain[above] + share * b.axial_strain[below], 2e-3);
+    ++compared;
+  }
+  EXPECT_GE(compared, 400);
+}
+
 }  // namespace
 }  // namespace teletact::service

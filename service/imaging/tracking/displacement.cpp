@@ -65,6 +65,7 @@ struct DisplacementEstimator::Workspace {
   Array<float> field, candidate, filtered;  // 2 per node of the largest grid
   Array<float> deviation;                   // 1 per node
   // 1 per line: where it holds echoes, and where it does so all about.
+  std::vector<EchoSpan> heard;  // of pre
   Array<EchoSpan> pre_spans, post_spans, pre_inner, post_inner;
   std::unique_ptr<Search> search;
   std::unique_ptr<Refinement> refinement;
@@ -145,11 +146,12 @@ Range DisplacementEstimator::over_samples(int run) const {
 void DisplacementEstimator::search() {
   Workspace& w = *work_;
   const SampleGrid &c = w.plan.coarse.grid, &g = w.plan.fine.grid;
-  w.search->coarse(kernels_->search, w.frames.pre, w.frames.post, w.candidate);
+  w.search->coarse(kernels_->search, w.heard, w.frames.pre, w.frames.post, w.candidate);
   kernels_->smooth(over(c.nodes()), w.candidate, w.field, c.nx, c.ny);
   warp(c, false);
   kernels_->resample(over(g.nodes()), w.field, w.filtered, c, g);
-  w.search->fine(kernels_->search, w.frames.pre, w.mean, w.filtered, w.candidate, w.found.correlation);
+  w.search->fine(kernels_->search, w.heard, w.frames.pre, w.mean, w.filtered, w.candidate,
+                 w.found.correlation);
   const auto threshold = static_cast<float>(kTrustedCorrelation - 0.2);
   kernels_->median_filter(over(g.nodes()), w.candidate, w.filtered, w.found.correlation, w.field, w.deviation,
                           g.nx, g.ny, 2, threshold, 0.5f, 0.15f * w.period);
@@ -209,7 +211,7 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
 }
 
 DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
-                                                     const AcquisitionGeometry& geometry) {
+                                                     const AcquisitionGeometry& geometry, int first) {
   if (work_ && !work_->serves(pre, geometry)) work_.reset();  // first: its room may be needed
   if (!work_) {
     auto work = std::make_unique<Workspace>(pre, geometry, options_);
@@ -219,16 +221,16 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
   Workspace& w = *work_;
   const auto load = [&](const RfFrame& frame, Array<float>& image, Array<EchoSpan>& spans,
                         Array<EchoSpan>& inner) {
-    Echoes echoes = find_echoes(frame, geometry);
-    queue_.write(image, padded(frame, w.pad, echoes.lines).data(), w.pad.total);
-    queue_.write(spans, echoes.lines.data(), echoes.lines.size());
-    const std::vector<EchoSpan> away =
-        away_from_silence(echoes.lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
-                          half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
-    queue_.write(inner, away.data(), away.size());
-    return echoes;
+    std::vector<EchoSpan> lines = find_echoes(frame, geometry).lines;
+    for (EchoSpan& span : lines) span.first = std::max(span.first, std::min(first, span.end));
+    queue_.write(image, padded(frame, w.pad, lines).data(), w.pad.total);
+    queue_.write(spans, lines.data(), lines.size());
+    if (&frame == &pre) w.heard = lines;
+    lines = away_from_silence(lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
+                              half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
+    queue_.write(inner, lines.data(), lines.size());
   };
-  w.found.echoes = std::make_shared<const Echoes>(load(pre, w.frames.pre, w.pre_spans, w.pre_inner));
+  load(pre, w.frames.pre, w.pre_spans, w.pre_inner);
   load(post, w.frames.post, w.post_spans, w.post_inner);
   w.matched = false;
   search();

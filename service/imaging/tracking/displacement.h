@@ -50,7 +50,6 @@ struct DisplacementEstimate {
   Array<float> std_m = {};        // standard deviation, 2 per node: lateral, axial
   Array<float> information = {};  // 2 per node, of the place: what `noise` turns into standard deviations
   std::shared_ptr<const NoiseStructure> noise = nullptr;
-  std::shared_ptr<const Echoes> echoes = nullptr;  // of pre
   // The last step whose linear system was not solved: the field is then not the best that the pair gives, and
   // its deviation too small. Empty: all were.
   std::optional<PcgResult> unsolved = {};
@@ -70,7 +69,9 @@ class DisplacementEstimator {
   void forget();  // the buffers that are kept for the next pair
   // `pre`, `post`, `geometry` as validate() accepts them. The result's arrays are overwritten by the next
   // call.
-  DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
+  // Of no sample before `first` anything is believed.
+  DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
+                                int first = 0);
 
  private:
   struct Workspace;

@@ -116,6 +116,7 @@ Echoes find_echoes(const RfFrame& frame, const AcquisitionGeometry& geometry) {
   return out;
 }
 
+// Rows of `power` in the upper half of the frame where most lines are ten times as bright as above and below.
 std::vector<int> bright_rows(const Echoes& echoes) {
   constexpr int kThick = 3, kMean = 3;  // rows: half of a bright line, and those beside it
   const int lines = static_cast<int>(echoes.lines.size());
@@ -135,6 +136,34 @@ std::vector<int> bright_rows(const Echoes& echoes) {
     if (2 * found > lines) bright.push_back(r);
   }
   return bright;
+}
+
+int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry) {
+  constexpr float kAlike = 0.7f;  // correlation without any motion; below it less than half of that
+  constexpr int kThick = 3;
+  const Echoes echoes = find_echoes(pre, geometry);
+  const std::vector<int> bright = bright_rows(echoes);
+  if (bright.empty()) return 0;
+  std::vector<float> alike;  // of each row
+  for (int r = 0; r < echoes.rows; ++r) {
+    double own = 0, other = 0, both = 0;
+    for (std::size_t l = 0; l < pre.line_count; ++l)
+      for (int k = std::max(r * echoes.step, 1); k < (r + 1) * echoes.step; ++k) {
+        const std::size_t n = static_cast<std::size_t>(k) + pre.sample_count * l;
+        const double a = pre.samples[n] - pre.samples[n - 1], b = post.samples[n] - post.samples[n - 1];
+        own += a * a, other += b * b, both += a * b;
+      }
+    alike.push_back(own > 0 && other > 0 ? static_cast<float>(both / std::sqrt(own * other)) : 1);
+  }
+  for (auto row = bright.rbegin(); row != bright.rend(); ++row) {
+    const auto above = alike.begin() + std::max(*row - kThick, 1), below = alike.begin() + *row + kThick;
+    const auto silent = std::ranges::count_if(
+        echoes.lines, [&](const EchoSpan& span) { return span.first >= (*row - kThick - 1) * echoes.step; });
+    if (2 * silent > std::ssize(echoes.lines) ||
+        (typical({alike.begin(), above}) > kAlike && typical({below, alike.end()}) < kAlike / 2))
+      return *row * echoes.step;
+  }
+  return 0;
 }
 
 std::vector<EchoSpan> away_from_silence(const std::vector<EchoSpan>& lines, int samples, int half_lines,

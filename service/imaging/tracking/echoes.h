@@ -20,8 +20,9 @@ struct Echoes {
 // to where it rises again): speckle averaged over a kernel does so less than once in a million.
 Echoes find_echoes(const RfFrame&, const AcquisitionGeometry&);
 
-// Rows of `power` in the upper half of the frame where most lines are ten times as bright as above and below.
-std::vector<int> bright_rows(const Echoes&);
+// First sample below what may be coupling: down to a line across the upper half of the frame, ten times as
+// bright as what is above and below, nothing is heard, or the same in both frames; 0: nothing looks like it.
+int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
 
 // The spans of `lines` less so many samples and lines beside what is silent.
 std::vector<EchoSpan> away_from_silence(const std::vector<EchoSpan>& lines, int samples, int half_lines,

@@ -125,36 +125,24 @@ void download(const Queue& queue, const StrainEstimate& strain, Measured& out) {
   out.quality = pair_quality(out);
 }
 
-void leave_out_coupling(const Echoes& echoes, const AcquisitionGeometry& geometry,
-                        const StrainOptions& strain, Measured& m) {
-  constexpr double kStill = 0.25;  // of the strain below
-  const double row_m = echoes.step * geometry.sample_pitch_m(), half_m = strain.kernel_axial_m / 2;
-  const auto strains = [&](double from_m, double to_m) {
+bool rests_below(double surface_m, const Measured& m) {
+  constexpr double kNearM = 2.5e-3, kMostM = 5e-3;  // near it echoes are weak
+  const double from_m = surface_m + kNearM,
+               each_m = std::min(kMostM, (m.grid.y_m(m.grid.size() - 1) - from_m) / 2);
+  const auto moved = [&](double first_m) {
     std::vector<float> values;
     for (std::size_t n = 0; n < m.grid.size(); ++n)
-      if (m.strain_valid[n] && m.grid.y_m(n) >= from_m && m.grid.y_m(n) < to_m)
-        values.push_back(m.axial_strain[n]);
-    return values;
+      if (m.displacement_valid[n] && m.grid.y_m(n) >= first_m && m.grid.y_m(n) < first_m + each_m)
+        values.push_back(m.axial_displacement[n]);
+    return median(values);
   };
-  const auto power = [&](int from, int to) {
-    double sum = 0;
-    for (std::size_t l = 0; l < echoes.lines.size(); ++l)
-      for (int r = from; r < to; ++r)
-        sum += echoes.power[l * static_cast<std::size_t>(echoes.rows) + static_cast<std::size_t>(r)];
-    return sum / std::max(to - from, 1);
-  };
-  const std::vector<int> bright = bright_rows(echoes);
-  for (auto row = bright.rbegin(); row != bright.rend() && m.coupling_m == 0; ++row) {
-    const double surface_m = geometry.first_sample_depth_m + *row * row_m;
-    std::vector<float> above = strains(0, surface_m - half_m), below = strains(surface_m + half_m, HUGE_VAL);
-    // Without a strain above it, what echoes as loud as below is tissue that was not tracked.
-    if (above.empty() && !(power(0, *row) < kStill * power(*row, echoes.rows))) continue;
-    if (!below.empty() && std::abs(median(above)) < kStill * std::abs(median(below)))
-      m.coupling_m = surface_m;
-  }
-  if (m.coupling_m == 0) return;
+  const double upper = moved(from_m), strain = (moved(from_m + each_m) - upper) / each_m;
+  return from_m + each_m / 2 - upper / strain > surface_m / 2;
+}
+
+void leave_out_above(double depth_m, Measured& m) {
   for (std::size_t n = 0; n < m.grid.size(); ++n)
-    if (m.grid.y_m(n) < m.coupling_m + 2 * half_m) m.displacement_valid[n] = m.strain_valid[n] = 0;
+    if (m.grid.y_m(n) < depth_m) m.displacement_valid[n] = m.strain_valid[n] = 0;
   m.quality = pair_quality(m);
 }
 

@@ -77,9 +77,12 @@ struct Measured {
 void download(const Queue&, const DisplacementEstimate&, Measured&);
 void download(const Queue&, const StrainEstimate&, Measured&);
 
-// Gel, water or a standoff above the tissue: down to a bright line nothing is heard, or what is heard hardly
-// strains beside what lies below. Nothing is valid there and a kernel of the strain further down.
-void leave_out_coupling(const Echoes&, const AcquisitionGeometry&, const StrainOptions&, Measured&);
+// The probe at rest: whether the tissue rests at such a surface rather than at the probe's face, by its
+// displacement below.
+bool rests_below(double surface_m, const Measured&);
+
+// Nothing is valid above, and the quality that of the rest.
+void leave_out_above(double depth_m, Measured&);
 
 // Over the nodes with texture (correlation as DisplacementEstimate has it). Throws TrackingError kNoSignal
 // when fewer than a tenth of the nodes have any.

@@ -141,14 +141,31 @@ void Search::correlate(SearchKernels& kernels, const SearchLevel& level, const A
               layout_, level.window, lags);
 }
 
-void Search::coarse(SearchKernels& kernels, const Array<float>& pre, const Array<float>& post,
-                    Array<float>& field) {
+// Few samples correlate with anything: what the windows of nodes in silence hear of echoes beside it is left
+// out. `values`, so many per node.
+static bool leave_out_silence(const std::vector<EchoSpan>& spans, const SampleGrid& g, std::size_t per_node,
+                              std::vector<float>& values) {
+  bool any = false;
+  for (int node = 0; node < g.nodes(); ++node) {
+    const EchoSpan& span = spans[static_cast<std::size_t>(g.first_line + node % g.nx * g.line_step)];
+    const int sample = g.first_sample + node / g.nx * g.sample_step;
+    if (sample >= span.first && sample < span.end) continue;
+    any = true;
+    std::fill_n(values.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(node) * per_node),
+                per_node, 0.0f);
+  }
+  return any;
+}
+
+void Search::coarse(SearchKernels& kernels, const std::vector<EchoSpan>& spans, const Array<float>& pre,
+                    const Array<float>& post, Array<float>& field) {
   const SampleGrid& g = plan_.coarse.grid;
   const SearchLags& lags = plan_.coarse.lags;
   correlate(kernels, plan_.coarse, pre, post, coarse_volume_);
   kernels.best_lateral(over(g.nodes() * lags.chunks), coarse_volume_, best_lateral_, g.nodes(), lags.chunks,
                        lags.laterals);
-  const LagVolume volume{g.nx, g.ny, 8 * lags.chunks, queue_.read(best_lateral_)};
+  LagVolume volume{g.nx, g.ny, 8 * lags.chunks, queue_.read(best_lateral_)};
+  leave_out_silence(spans, g, plan_.coarse.axial_lags(), volume.correlation);
   check_cancelled();
   const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
     return static_cast<int>(std::ceil(plan_.max_strain * length_m / plan_.sample_pitch_m)) + 1;
@@ -161,8 +178,9 @@ void Search::coarse(SearchKernels& kernels, const Array<float>& pre, const Array
   queue_.write(axial_lags_, whole.data(), whole.size());
   kernels.laterals_at(over(g.nodes() * lags.laterals), coarse_volume_, axial_lags_, laterals_at_, g.nodes(),
                       lags.chunks, lags.laterals);
-  const std::vector<float> lateral =
-      find_paths({g.nx, g.ny, lags.laterals, queue_.read(laterals_at_)}, 1, 1, kLateralSlopeCost);
+  LagVolume across{g.nx, g.ny, lags.laterals, queue_.read(laterals_at_)};
+  leave_out_silence(spans, g, plan_.coarse.laterals(), across.correlation);
+  const std::vector<float> lateral = find_paths(across, 1, 1, kLateralSlopeCost);
   std::vector<float> found;
   const int middle = lags.laterals / 2;
   for (std::size_t n = 0; n < axial.size(); ++n) {
@@ -172,12 +190,16 @@ void Search::coarse(SearchKernels& kernels, const Array<float>& pre, const Array
   queue_.write(field, found.data(), found.size());
 }
 
-void Search::fine(SearchKernels& kernels, const Array<float>& pre, const Array<float>& warped_post,
-                  const Array<float>& start, Array<float>& field, Array<float>& correlation) {
+void Search::fine(SearchKernels& kernels, const std::vector<EchoSpan>& spans, const Array<float>& pre,
+                  const Array<float>& warped_post, const Array<float>& start, Array<float>& field,
+                  Array<float>& correlation) {
   const SearchLevel& level = plan_.fine;
   correlate(kernels, level, pre, warped_post, fine_volume_);
   kernels.ncc_peak(over(level.grid.nodes()), fine_volume_, start, field, correlation, level.grid.nodes(),
                    level.lags.first, level.lags.first_lateral, level.lags.laterals);
+  std::vector<float> heard(level.nodes());
+  queue_.read(correlation, heard.data(), heard.size());
+  if (leave_out_silence(spans, level.grid, 1, heard)) queue_.write(correlation, heard.data(), heard.size());
 }
 
 namespace {

@@ -73,10 +73,13 @@ class Search {
  public:
   Search(const Queue&, const SearchPlan&, const Padding&);
   // The lags on the coarse grid that neighbours can reach within the largest strain (find_paths), 2 per node.
-  void coarse(SearchKernels&, const Array<float>& pre, const Array<float>& post, Array<float>& field);
+  // Nodes outside of the spans, one for each line, have no say.
+  void coarse(SearchKernels&, const std::vector<EchoSpan>&, const Array<float>& pre, const Array<float>& post,
+              Array<float>& field);
   // On the fine grid: `start` and the peak beside it, 2 per node; correlation there.
-  void fine(SearchKernels&, const Array<float>& pre, const Array<float>& warped_post,
-            const Array<float>& start, Array<float>& field, Array<float>& correlation);
+  void fine(SearchKernels&, const std::vector<EchoSpan>&, const Array<float>& pre,
+            const Array<float>& warped_post, const Array<float>& start, Array<float>& field,
+            Array<float>& correlation);
 
  private:
   void correlate(SearchKernels&, const SearchLevel&, const Array<float>& pre, const Array<float>& post,
