@@ -180,7 +180,8 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
       other([](Tissue& t) { t.solid->support = Support::kSliding; }));
   row("bed of 10 mm, 2 kPa", {{ModulusFlag::kMisfit, false}},
       other([](Tissue& t) { t.solid->support = Support::kBed; }));
-  row("face touches in part, lean 2.5 mm", {{ModulusFlag::kMisfit, true}, {ModulusFlag::kNoise, false}},
+  row("face touches in part, lean 2.5 mm",
+      {{ModulusFlag::kMisfit, true}, {ModulusFlag::kNoise, false}, {ModulusFlag::kModels, false}},
       other([](Tissue& t) { t.solid->lean_m = 0.0025; }));
   row("20 % of the image lost", {{ModulusFlag::kUntracked, true}},
       changed([](WarnedWindow& w) { lose(w, 0.2); }));
