@@ -180,7 +180,8 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
       other([](Tissue& t) { t.solid->support = Support::kSliding; }));
   row("bed of 10 mm, 2 kPa", {{ModulusFlag::kMisfit, false}},
       other([](Tissue& t) { t.solid->support = Support::kBed; }));
-  row("face touches in part, lean 2.5 mm", {{ModulusFlag::kMisfit, true}, {ModulusFlag::kNoise, false}},
+  row("face touches in part, lean 2.5 mm",
+      {{ModulusFlag::kMisfit, true}, {ModulusFlag::kNoise, false}, {ModulusFlag::kModels, false}},
       other([](Tissue& t) { t.solid->lean_m = 0.0025; }));
   row("20 % of the image lost", {{ModulusFlag::kUntracked, true}},
       changed([](WarnedWindow& w) { lose(w, 0.2); }));
@@ -207,6 +208,12 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   row("gain within 3 % beside neighbours", {{ModulusFlag::kScale, false}}, beside(1));
   row("no time", {{ModulusFlag::kCut, true}, {ModulusFlag::kDeadline, false}},
       changed([](WarnedWindow& w) { w.budget.solves = 0; }));
+  row("neither face nor depth stated, no time to fit them",
+      {{ModulusFlag::kUnstated, true}, {ModulusFlag::kNoise, false}, {ModulusFlag::kModels, false}},
+      changed([](WarnedWindow& w) {
+        w.tissue.probe_elevation_m = 0, w.tissue.depth_stated = false, w.force.reset();
+        w.budget.solves = 0, w.background_pa = 1;
+      }));
   const auto of_frames = [&](const char* name, std::optional<ModulusFlag> provoked, auto spoil) {
     std::vector<Claim> claims;
     for (const ModulusFlag flag : {ModulusFlag::kImage, ModulusFlag::kAxis})

@@ -351,7 +351,8 @@ const char* words_of(ModulusFlag cause, bool stated) {
 }
 
 // Says how uncertain the map is as a whole, and for each part that is a reason by itself, or the largest,
-// why. What no part accounts for is the noise's where there is as much of it; else, of a solid, the models'.
+// why. What no part accounts for is the noise's where there is as much of it; else, of a solid, that of what
+// has warned or the models'.
 void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
   const double all = typical(out.log_deviation);
   if (!(all > kMaxDeviation)) return;
@@ -361,11 +362,13 @@ void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
   double left = all * all;
   for (const Part& part : parts) left -= part.deviation * part.deviation;
   left = std::sqrt(std::max(0.0, left));
-  const bool noisy = out.kind != ModulusKind::kSolid || noise > left / 2;
-  parts.push_back({noisy                            ? ModulusFlag::kNoise
-                   : warned(out, ModulusFlag::kCut) ? ModulusFlag::kCut
-                                                    : ModulusFlag::kModels,
-                   left});
+  const auto cause_of_left = [&] {
+    if (out.kind != ModulusKind::kSolid || noise > left / 2) return ModulusFlag::kNoise;
+    for (const ModulusFlag flag : {ModulusFlag::kMisfit, ModulusFlag::kCut, ModulusFlag::kDeadline})
+      if (warned(out, flag)) return flag;
+    return ModulusFlag::kModels;
+  };
+  parts.push_back({cause_of_left(), left});
   const double largest = std::ranges::max(parts, {}, &Part::deviation).deviation;
   const std::string size = fmt::format(
       "the modulus is uncertain by {} (median)",
