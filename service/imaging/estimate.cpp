@@ -76,6 +76,12 @@ void place_below(double surface_m, ModulusInput& input) {
   const auto from_surface = [surface_m](std::function<double(double, double)>& of) {
     if (of) of = [of, surface_m](double x_m, double y_m) { return of(x_m, y_m + surface_m); };
   };
+  if (!(input.tissue.depth_m > surface_m))
+    throw std::invalid_argument(
+        fmt::format("tissue_depth_m: {:.1f} mm, but the tissue begins {:.1f} mm below the probe, under "
+                    "coupling; state the depth "
+                    "of its far side from the probe's face",
+                    1e3 * input.tissue.depth_m, 1e3 * surface_m));
   input.tissue.depth_m -= surface_m;
   from_surface(input.known.modulus_pa), from_surface(input.known.log_deviation);
   for (SliceBeside& slice : input.beside) from_surface(slice.modulus_pa);
