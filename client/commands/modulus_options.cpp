@@ -65,6 +65,7 @@ void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
     };
     CLI::Option* option = command.add_option_function<double>(flag, set, u.help);
     if (u.field != "force_zero_n") option->check(above_zero());
+    if (u.field.find("_std") == std::string::npos) option->group("Force sensor and preload");
     if (u.of_force && relative) option->needs("--force-n");
   }
 }

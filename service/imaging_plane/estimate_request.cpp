@@ -99,10 +99,6 @@ void settle_force(EstimateRequest& r, const Limits& limits) {
                                    relative(r.force_zero_std_n, shown_n));
   // Of a solid's face the area tells the length alone, which its fit holds.
   const bool solid = r.tissue.plane == Plane::kSolid;
-  if (solid && r.tissue.probe_elevation_m == 0) {
-    r.tissue.probe_elevation_m = force.contact_area_m2 / r.window_width_m();
-    r.tissue.probe_elevation_std_m = r.area_relative_deviation * r.tissue.probe_elevation_m;
-  }
   force.shared_deviation = solid ? gain : std::hypot(gain, r.area_relative_deviation);
   r.force_relative_deviation = std::hypot(force.own_deviation, gain);
 }
@@ -240,6 +236,10 @@ void settle(EstimateRequest& request, const Limits& limits) {
   settle_way(request, limits);
   if (request.scene) check_publication(request);
   settle_tissue(request, limits);
+  TissueExtent& tissue = request.tissue;
+  if (tissue.plane != Plane::kSolid || tissue.probe_elevation_m > 0 || !request.force) return;
+  tissue.probe_elevation_m = request.force->contact_area_m2 / request.window_width_m();
+  tissue.probe_elevation_std_m = request.area_relative_deviation * tissue.probe_elevation_m;
 }
 
 std::vector<std::string> warnings_of(const Estimate& e) {

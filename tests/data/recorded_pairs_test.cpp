@@ -194,7 +194,7 @@ TEST(SimulatedInclusion, IsTakenForABlock) {
           .estimate(pair.pre, pair.post, {pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
   const double contrast = inclusion_contrast(e, first_line_m, pair.geometry.line_pitch_m);
   std::printf("simulated-inclusion: contrast %.2f of 4; %s\n", contrast, e.modulus.model.c_str());
-  EXPECT_EQ(e.modulus.model.find("a block"), 0u) << e.modulus.model;
+  EXPECT_NE(e.modulus.model.find("that is a block"), std::string::npos) << e.modulus.model;
   EXPECT_GE(contrast, 3.2);
   EXPECT_LE(contrast, 4.8);
 }
@@ -208,7 +208,7 @@ TEST(PhantomS2000, IsTakenForABlockWithoutARamp) {
   const Estimate e =
       Elastography(Device::open())
           .estimate(pair.pre, pair.post, {pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
-  EXPECT_EQ(e.modulus.model.find("a block"), 0u) << e.modulus.model;
+  EXPECT_NE(e.modulus.model.find("that is a block"), std::string::npos) << e.modulus.model;
   for (std::size_t n = 0; n < e.grid.size(); ++n) EXPECT_FALSE(e.valid[n] && y_of(e, n) < 0.0058) << n;
   ASSERT_FALSE(e.input_warnings.empty());
   EXPECT_EQ(e.input_warnings.back().find("coupling: "), 0u) << e.input_warnings.back();

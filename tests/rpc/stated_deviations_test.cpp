@@ -41,7 +41,7 @@ TEST(StatedDeviations, ReachTheEstimatesInput) {
   const EstimateRequest r = settled(a);
   EXPECT_NEAR(r.force->force_n, (kForceN - 0.04) / 0.8, 1e-12);
   EXPECT_NEAR(r.force->own_deviation, std::hypot(0.01, 0.02) / 0.16, 1e-12);
-  EXPECT_NEAR(r.force->shared_deviation, std::hypot(0.04 / 0.8, 0.1, 0.005 / 0.05), 1e-12);
+  EXPECT_NEAR(r.force->shared_deviation, std::hypot(0.04 / 0.8, 0.005 / 0.05), 1e-12);
   EXPECT_NEAR(r.force_relative_deviation, std::hypot(r.force->own_deviation, 0.05), 1e-12);
   EXPECT_NEAR(r.area_relative_deviation, 0.1, 1e-12);
   EXPECT_EQ(r.tissue.poisson_std, 0.02);
@@ -55,15 +55,15 @@ TEST(StatedDeviations, ReachTheEstimatesInput) {
 
 TEST(StatedDeviations, LeftOutAreTheDefaultsOfTheContract) {
   v1::Acquisition a = acquisition();
-  a.clear_tissue_width_m();
+  a.clear_tissue_width_m(), a.clear_probe_elevation_m();
   const EstimateRequest r = settled(a);
   EXPECT_EQ(r.force->force_n, kForceN);
   EXPECT_EQ(r.force->own_deviation, 0.03);
-  EXPECT_EQ(r.force->shared_deviation, 0.05);
+  EXPECT_EQ(r.force->shared_deviation, 0) << "the area is the face's length, a solid's fit holds it";
   EXPECT_EQ(r.tissue.poisson_std, 0.01);
   EXPECT_EQ(r.sound_speed_deviation, 0.015);
   EXPECT_EQ(r.tissue.depth_std_m, 0);
-  EXPECT_EQ(r.tissue.probe_elevation_std_m, 0);
+  EXPECT_NEAR(r.tissue.probe_elevation_std_m, 0.05 * r.tissue.probe_elevation_m, 1e-12);
   EXPECT_FALSE(r.tissue.beside_m);
 }
 

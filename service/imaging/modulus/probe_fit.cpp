@@ -44,6 +44,7 @@ constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps bet
 
 constexpr double kVary = 0.15, kTiltStep = 0.1;
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
+constexpr double kLinear = 0.15;  // of ln of elevation and depth: as far as a step is true, about
 constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
 constexpr int kRounds = 3, kRoundsOfOthers = 2;
 constexpr double kWorthless = 5;         // ln of the odds against a model that is not looked at closer
@@ -246,7 +247,7 @@ void ProbeFitter::fit(const Window& w, Model& m, double scale) {
   std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}, {w.of_depth, 0, kUsualGrading, true}};
   if (!m.block) {
     const auto known = [&](const Known& of, const VectorXd& by, double at_m) {
-      columns.push_back({-by, of.log - std::log(at_m), of.deviation, of.stated});
+      columns.push_back({-by, of.log - std::log(at_m), of.deviation, of.stated, kLinear});
     };
     known(w.elevation, w.by_elevation, m.face.elevation_m);
     known(w.depth, w.by_depth, m.face.depth_m);
@@ -602,7 +603,7 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
                                                               : "fitted");
   };
   const auto words_of = [](const Model& m) -> std::string {
-    if (m.block) return "is a tall block as wide as the probe";
+    if (m.block) return "is a block as wide as the probe, its bottom unseen";
     const std::string end = m.face.goes_on() ? "continues beside the probe"
                             : m.face.beside_m > 0
                                 ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
@@ -613,11 +614,13 @@ ProbeFit ProbeFitter::publish(const Weighed& weighed, const ModulusInput& in, do
   if (order[0].weight < kSure)
     tissue += fmt::format(" (weight {:.2f}; or {}: {:.2f})", order[0].weight, words_of(*order[1].of),
                           order[1].weight);
+  const std::string deep =
+      likeliest.block ? "" : fmt::format(" {:.0f} mm deep ({})", 1e3 * depth_m, origin(w.depth, depth_m));
   out.words = fmt::format(
-      "solid tissue {:.0f} mm deep ({}) that {}, under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the "
-      "strain unexplained where it is homogeneous",
-      1e3 * depth_m, origin(w.depth, depth_m), tissue, 1e3 * out.face.width_m, 1e3 * elevation_m,
-      origin(w.elevation, elevation_m), 100 * out.rest);
+      "solid tissue{} that {}, under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the strain unexplained "
+      "where it is homogeneous",
+      deep, tissue, 1e3 * out.face.width_m, 1e3 * elevation_m, origin(w.elevation, elevation_m),
+      100 * out.rest);
   if (std::abs(grading) > kNotedGrading)
     out.words +=
         fmt::format("; its modulus {} by a factor of {:.1f} from the face to the bottom of the image",

@@ -36,7 +36,6 @@ RobustFit fit_robustly(const VectorXd& field, const VectorXd& told, const std::v
   VectorXd at = VectorXd::Zero(count + 1);
   std::vector<double> sizes(values.begin(), values.end());
   at[0] = median(sizes);
-  for (Index k = 0; k < count; ++k) at[k + 1] = columns[static_cast<std::size_t>(k)].usual;
   RobustFit out;
   out.rest = kTextureLog;
   left = values - of * at;
@@ -44,16 +43,18 @@ RobustFit fit_robustly(const VectorXd& field, const VectorXd& told, const std::v
   for (int pass = 0; pass < kReweighted; ++pass) {
     const double by = scale > 0 ? scale : out.rest;
     const VectorXd share = places / squared(by) / (1 + (left.array() / (kCauchy * by)).square());
-    MatrixXd information = of.transpose() * share.asDiagonal() * of;
+    MatrixXd held = MatrixXd::Zero(count + 1, count + 1),
+             information = of.transpose() * share.asDiagonal() * of;
     VectorXd load = of.transpose() * share.cwiseProduct(values);
     for (Index k = 0; k < count; ++k) {
       const FitColumn& column = columns[static_cast<std::size_t>(k)];
       const double away = (at[k + 1] - column.usual) / column.deviation,
                    known = 1 / squared(column.deviation) / (column.doubted ? 1 + squared(away) / 2 : 1);
       information(k + 1, k + 1) += known, load[k + 1] += known * column.usual;
+      held(k + 1, k + 1) = 1 / squared(column.reach);
     }
+    at = (information + held).llt().solve(load);
     factor.compute(information);
-    at = factor.solve(load);
     left = values - of * at;
     std::ranges::transform(left, sizes.begin(), [](double v) { return std::abs(v); });
     out.rest = std::max(1.48 * median(sizes), kMinRest);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <vector>
 
 namespace teletact::service {
@@ -16,6 +17,7 @@ struct FitColumn {
   double deviation = 1;  // and how well
   // Whether that may be wrong: what is many deviations away then counts little more (Cauchy).
   bool doubted = false;
+  double reach = HUGE_VAL;  // of its number, about, as far as the column is true
 };
 
 struct RobustFit {
@@ -27,8 +29,9 @@ struct RobustFit {
   double misfit = 0;
 };
 
-// Where `told` is above 0, by Cauchy's weights. `places`: of a cell, by what is independent in it. `scale`:
-// what a cell is off by where the columns explain it; 0: what is found to be left.
+// Where `told` is above 0, by Cauchy's weights, from numbers of 0 on. `places`: of a cell, by what is
+// independent in it. `scale`: what a cell is off by where the columns explain it; 0: what is found to be
+// left.
 RobustFit fit_robustly(const Eigen::VectorXd& field, const Eigen::VectorXd& told,
                        const std::vector<FitColumn>& columns, double places, double scale = 0);
 
