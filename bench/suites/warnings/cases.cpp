@@ -214,15 +214,14 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
         w.tissue.probe_elevation_m = 0, w.tissue.depth_stated = false, w.force.reset();
         w.budget.solves = 0, w.background_pa = 1;
       }));
-  const auto of_frames = [&](const char* name, std::optional<ModulusFlag> provoked, auto spoil) {
+  const auto of_frames = [&](const char* name, const std::string& provoked, auto spoil) {
     std::vector<Claim> claims;
-    for (const ModulusFlag flag : {ModulusFlag::kImage, ModulusFlag::kAxis})
-      claims.push_back({flag, flag == provoked});
+    for (const char* warning : {"image", "axis"}) claims.push_back({warning, warning == provoked});
     row(name, claims, [spoil](std::uint64_t seed) { return framed(seed, spoil); });
   };
-  of_frames("RF, 5 to 30 dB", std::nullopt, [](service::RfFrame&) {});
-  of_frames("envelope for RF", ModulusFlag::kImage, detect);
-  of_frames("lines for samples", ModulusFlag::kAxis, turn);
+  of_frames("RF, 5 to 30 dB", "", [](service::RfFrame&) {});
+  of_frames("envelope for RF", "image", detect);
+  of_frames("lines for samples", "axis", turn);
   const DrawnCase deep{}, shallow{.contrast = 3,
                                   .diameter_m = 0.003,
                                   .strain = 0.01,

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/phantoms/drawn_window.h"
@@ -31,7 +32,9 @@ struct WarnedWindow {
 
 // What windows of one kind say of a warning.
 struct Claim {
-  service::ModulusFlag flag;
+  Claim(service::ModulusFlag flag, bool provoked) : Claim(service::name_of(flag), provoked) {}
+  Claim(std::string warning, bool provoked) : warning(std::move(warning)), provoked(provoked) {}
+  std::string warning;  // its name
   bool provoked;
 };
 

@@ -141,11 +141,11 @@ std::vector<double> told(const std::vector<JudgedCase>& all, double JudgedCase::
 }
 
 WarningResult result_of(const WarningRow& row, const Claim& claim, const std::vector<JudgedCase>& all) {
-  WarningResult r{.warning = service::name_of(claim.flag), .name = row.name, .provoked = claim.provoked};
+  WarningResult r{.warning = claim.warning, .name = row.name, .provoked = claim.provoked};
   r.cases = all.size();
   for (const JudgedCase& j : all) {
     r.refused += j.refused;
-    r.fired += std::ranges::count(j.fired, service::name_of(claim.flag)) > 0;
+    r.fired += std::ranges::count(j.fired, claim.warning) > 0;
   }
   r.background = median_of(told(all, &JudgedCase::background)),
   r.stated = median_of(told(all, &JudgedCase::stated)),
@@ -158,7 +158,7 @@ void print_others(const WarningRow& row, const std::vector<JudgedCase>& all) {
   std::map<std::string, std::size_t> others;
   for (const JudgedCase& j : all)
     for (const std::string& fired : std::set<std::string>(j.fired.begin(), j.fired.end()))
-      if (std::ranges::none_of(row.claims, [&](const Claim& c) { return service::name_of(c.flag) == fired; }))
+      if (std::ranges::none_of(row.claims, [&](const Claim& c) { return c.warning == fired; }))
         ++others[fired];
   for (const auto& [other, count] : others) fmt::print("{:>20} as well: {}\n", other, count);
   std::fflush(stdout);
@@ -166,7 +166,7 @@ void print_others(const WarningRow& row, const std::vector<JudgedCase>& all) {
 
 bool wanted(const WarningRow& row, const std::string& word) {
   return row.name.find(word) != std::string::npos || std::ranges::any_of(row.claims, [&](const Claim& c) {
-           return std::string(service::name_of(c.flag)).find(word) != std::string::npos;
+           return c.warning.find(word) != std::string::npos;
          });
 }
 
