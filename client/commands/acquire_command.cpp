@@ -313,6 +313,8 @@ void add_estimate_options(CLI::App& command, AcquireOptions& acquire, CLI::Optio
   add_plane_option(command, acquire.plane, "strain");
   command.get_option("--plane")->excludes(slices);
   add_uncertainty_options(command, acquire.stated);
+  command.get_option("--probe-elevation-std-m")->needs(slices);
+  command.get_option("--tissue-width-std-m")->excludes(slices);
 }
 
 void add_window_options(CLI::App& command, AcquireArguments& arguments, CLI::Option* slices) {

@@ -55,7 +55,7 @@ struct HostBytes {
 // Maps on the image grid, and meanwhile what they are read from the device as and the blocks of the direct
 // modulus (T3.2), which the iterative one starts from: four of ny^2 for each column of nodes, 1 mm apart.
 HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in) {
-  constexpr double kMaps = 13, kRead = 20, kFineM = 1e-3, kMaxRows = 200;
+  constexpr double kMaps = 14, kRead = 20, kFineM = 1e-3, kMaxRows = 200;
   const double width_m = static_cast<double>(frame.line_count) * in.geometry.line_pitch_m,
                depth_m = static_cast<double>(frame.sample_count) * in.geometry.sample_pitch_m();
   const double nodes = (width_m / kGridDxM + 2) * (depth_m / kGridDyM + 2);
@@ -76,11 +76,11 @@ void place_below(double surface_m, ModulusInput& input) {
   const auto from_surface = [surface_m](std::function<double(double, double)>& of) {
     if (of) of = [of, surface_m](double x_m, double y_m) { return of(x_m, y_m + surface_m); };
   };
-  if (!(input.tissue.depth_m > surface_m))
+  if (!(input.tissue.depth_m > surface_m + 1e-3))
     throw std::invalid_argument(
         fmt::format("tissue_depth_m: {:.1f} mm, but the tissue begins {:.1f} mm below the probe, under "
                     "coupling; state the depth "
-                    "of its far side from the probe's face",
+                    "of its far side from the probe's face (of a scene, take a deeper one)",
                     1e3 * input.tissue.depth_m, 1e3 * surface_m));
   input.tissue.depth_m -= surface_m;
   from_surface(input.known.modulus_pa), from_surface(input.known.log_deviation);

@@ -82,7 +82,7 @@ void settle_force(EstimateRequest& r, const Limits& limits) {
   if (r.force_gain == 0) r.force_gain = 1;
   require_between("acquisition.probe_force.force_gain", r.force_gain, 0.1, 10.0,
                   "give what the sensor shows of each newton, or leave it out for 1");
-  if (!(std::abs(r.force_zero_n) < force.force_n))
+  if (!(std::isfinite(r.force_zero_n) && r.force_zero_n < force.force_n))
     throw std::invalid_argument(fmt::format(
         "acquisition.{}force_zero_n: {} leaves nothing of the {} N that the sensor showed; give what it "
         "shows without a load, or press further",
@@ -95,6 +95,8 @@ void settle_force(EstimateRequest& r, const Limits& limits) {
   const double gain = relative(r.force_gain_std, r.force_gain);
   r.area_relative_deviation = relative(r.contact_area_std_m2, force.contact_area_m2, choices::kAreaDeviation);
   force.force_n = shown_n / r.force_gain;
+  require_between("acquisition.probe_force: (force_n - force_zero_n) / force_gain", force.force_n,
+                  limits.min_probe_force_n, limits.max_probe_force_n, "check zero and gain");
   force.own_deviation = std::hypot(relative(r.force_std_n, shown_n, choices::kForceDeviation),
                                    relative(r.force_zero_std_n, shown_n));
   // Of a solid's face the area tells the length alone, which its fit holds.

@@ -133,8 +133,9 @@ inline std::string_view flag_of(std::string_view warning) {
 }
 
 // Whether answers of a window with this doubt are not to be trusted: the force may be off by any factor, no
-// modulus explains what was measured, or that was no RF, or none as stated. All others are said, and the answer stands; untracked tissue each
-// touch judges itself (choices::kTrustedShare). docs/guide/recorded-data.md shows the same.
+// modulus explains what was measured, or the frames were no RF, or lay across the axes. All others are said,
+// and the answer stands; untracked tissue each touch judges itself (choices::kTrustedShare).
+// docs/guide/recorded-data.md shows the same.
 inline bool degrades(std::string_view flag) {
   return flag == "wrong-force" || flag == "misfit" || flag == "image" || flag == "axis";
 }

@@ -109,7 +109,7 @@ TEST(StatedDeviations, BeyondTheirValueOrWithoutItAreRefusedByName) {
       "preload_std_m", [](auto& a, double v) { a.set_preload_std_m(v); }, 0.05);
   refused(
       "preload_m", [](auto& a, double v) { a.set_preload_m(v); }, 0.05);
-  for (const double bad : {kForceN, -kForceN, nan})
+  for (const double bad : {kForceN, 2 * kForceN, nan})
     EXPECT_NE(refusal([&](auto& a) { a.mutable_probe_force()->set_force_zero_n(bad); }).find("force_zero_n"),
               std::string::npos);
   const auto alone = [&](const std::function<void(v1::Acquisition&)>& change) {

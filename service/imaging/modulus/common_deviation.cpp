@@ -54,7 +54,8 @@ double tissue_deviation(const ModulusInput& in, StripCache& strips, const Modulu
                                 });
   if (solid) return by_nu;
   return std::hypot(
-      by_nu, by(tissue.depth_std_m, [](auto& t, double d) { t.depth_m -= d; }),
+      by_nu,
+      by(tissue.depth_std_m, [](auto& t, double d) { t.depth_m = std::max(t.depth_m / 2, t.depth_m - d); }),
       by(tissue.beside_std_m, [](auto& t, double d) { t.width_m += 2 * d, t.window_x_m += d; }));
 }
 

@@ -106,7 +106,7 @@ struct Comparison {
     if (!std::isfinite(modulus) || !(stated > 0 && std::isfinite(stated))) return;
     // Without what the places of a window have in common, by the same sensor, area and tissue.
     const double all = known.log_deviation ? known.log_deviation(x_m, y_m) : NAN,
-                 claimed = std::sqrt(std::max(all * all - common * common, 0.0));
+                 claimed = std::sqrt(std::max(all * all - common * common, all * all / 4));
     places.push_back(
         {static_cast<float>(std::log(modulus / stated)),
          static_cast<float>(std::hypot(deviation_here, std::isfinite(claimed) ? claimed : deviation_here))});

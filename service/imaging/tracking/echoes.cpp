@@ -157,8 +157,9 @@ int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeome
   }
   for (auto row = bright.rbegin(); row != bright.rend(); ++row) {
     const auto above = alike.begin() + std::max(*row - kThick, 1), below = alike.begin() + *row + kThick;
-    const auto silent = std::ranges::count_if(
-        echoes.lines, [&](const EchoSpan& span) { return span.first >= (*row - kThick - 1) * echoes.step; });
+    const auto silent = std::ranges::count_if(echoes.lines, [&](const EchoSpan& span) {
+      return span.first > 0 && span.first >= (*row - kThick - 1) * echoes.step;
+    });
     if (2 * silent > std::ssize(echoes.lines) ||
         (typical({alike.begin(), above}) > kAlike && typical({below, alike.end()}) < kAlike / 2))
       return *row * echoes.step;

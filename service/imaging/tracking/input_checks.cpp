@@ -33,6 +33,7 @@ Autocorrelation autocorrelation(const RfFrame& frame, bool along_depth) {
                     step = along_depth ? 1 : frame.sample_count,
                     stride = along_depth ? frame.sample_count : 1, piece = std::min(kPiece, length),
                     in_line = length / piece, every = std::max<std::size_t>(1, lines * in_line / kPieces);
+  // Each piece counts alike, however loud.
   std::vector<double> r(std::min(kReach, piece / 2) + 1), part(piece);
   for (std::size_t l = 0; l < lines; l += every)
     for (std::size_t p = 0; p < in_line; ++p) {
@@ -40,8 +41,10 @@ Autocorrelation autocorrelation(const RfFrame& frame, bool along_depth) {
       for (std::size_t k = 0; k < piece; ++k)
         mean += part[k] = frame.samples[l * stride + (p * piece + k) * step];
       for (double& v : part) v -= mean / static_cast<double>(piece);
-      for (std::size_t lag = 0; lag < r.size(); ++lag)
-        for (std::size_t k = lag; k < piece; ++k) r[lag] += part[k] * part[k - lag];
+      double own = 0;
+      for (const double v : part) own += v * v;
+      for (std::size_t lag = 0; own > 0 && lag < r.size(); ++lag)
+        for (std::size_t k = lag; k < piece; ++k) r[lag] += part[k] * part[k - lag] / own;
     }
   if (!(r[0] > 0)) return {};
   return {r[1] / r[0], *std::ranges::min_element(r) / r[0]};

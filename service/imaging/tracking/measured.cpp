@@ -8,6 +8,7 @@
 #include <initializer_list>
 #include <iterator>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -129,15 +130,17 @@ bool rests_below(double surface_m, const Measured& m) {
   constexpr double kNearM = 2.5e-3, kMostM = 5e-3;  // near it echoes are weak
   const double from_m = surface_m + kNearM,
                each_m = std::min(kMostM, (m.grid.y_m(m.grid.size() - 1) - from_m) / 2);
-  const auto moved = [&](double first_m) {
+  const auto moved = [&](double first_m) -> std::optional<double> {
     std::vector<float> values;
     for (std::size_t n = 0; n < m.grid.size(); ++n)
       if (m.displacement_valid[n] && m.grid.y_m(n) >= first_m && m.grid.y_m(n) < first_m + each_m)
         values.push_back(m.axial_displacement[n]);
+    if (values.empty()) return std::nullopt;
     return median(values);
   };
-  const double upper = moved(from_m), strain = (moved(from_m + each_m) - upper) / each_m;
-  return from_m + each_m / 2 - upper / strain > surface_m / 2;
+  const std::optional<double> upper = moved(from_m), lower = moved(from_m + each_m);
+  if (!upper || !lower) return false;
+  return from_m + each_m / 2 - *upper * each_m / (*lower - *upper) > surface_m / 2;
 }
 
 void leave_out_above(double depth_m, Measured& m) {
