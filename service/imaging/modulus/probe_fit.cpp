@@ -366,14 +366,15 @@ void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
     }
     const std::size_t first = models.size(), last = first + kBesideDepths.size() - 1;
     for (std::size_t k = 0; k < kBesideDepths.size(); ++k) {
-      const double before = kBesideDepths[std::max<std::size_t>(k, 1) - 1],
-                   after = kBesideDepths[std::min(k + 1, kBesideDepths.size() - 1)];
-      const int ways = k > 0 && k + 1 < kBesideDepths.size() ? 2 : 1;
-      consider(with(w.face.depth_m * kBesideDepths[k], slides, w.face.depth_m * (after - before) / ways),
+      const bool inner = k + 1 < kBesideDepths.size();
+      const double way =
+          k > 0 ? (kBesideDepths[inner ? k + 1 : k] - kBesideDepths[k - 1]) / (inner ? 2 : 1) : 0;
+      consider(with(w.face.depth_m * kBesideDepths[k], slides, w.face.depth_m * way),
                end * of_support * others);
     }
-    for (std::size_t k = first; models.size() == last + 1 && k <= last; ++k) {
-      const Model &before = models[std::max(k, first + 1) - 1], &after = models[std::min(k + 1, last)];
+    // As wide as the probe is cut so: the first place stays.
+    for (std::size_t k = first + 1; models.size() == last + 1 && k <= last; ++k) {
+      const Model &before = models[k - 1], &after = models[std::min(k + 1, last)];
       const double steps = (after.face.beside_m - before.face.beside_m) / models[k].step_m;
       models[k].by_beside = (after.answer->log_strain - before.answer->log_strain) / steps;
       models[k].force_by_beside = (after.answer->log_force - before.answer->log_force) / steps;
@@ -381,7 +382,7 @@ void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
     if (!stated || wide || models.size() != last + 1) continue;
     // Its deviation moves it as the nearest place's step would.
     const Model& near =
-        *std::ranges::min_element(models.begin() + static_cast<std::ptrdiff_t>(first), models.end(), {},
+        *std::ranges::min_element(models.begin() + static_cast<std::ptrdiff_t>(first) + 1, models.end(), {},
                                   [&](const Model& m) { return std::abs(m.place_m - *w.beside_m); });
     const double std_m = w.beside_std_m > 0 ? w.beside_std_m : kLogStated * *w.beside_m;
     Model as_stated = with(*w.beside_m, slides, std_m / kOfGridStep);
