@@ -39,7 +39,7 @@ constexpr double kUsualGrading = 0.12;
 // What the tissue may be. Where it may end beside the probe, in depths: the next to a place is as likely.
 constexpr std::array kBesideDepths{0.0, 0.1, 0.2, 0.35, 0.5, 0.7};
 constexpr double kGoesOn = 0.5, kSlides = 0.3, kIsBlock = 0.05;  // beforehand: shares of all, of each, of all
-constexpr double kBesideAsStated = 0.9;
+constexpr double kBesideAsStated = 0.9, kAsWideM = 0.5e-3;
 constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps between the places
 
 constexpr double kVary = 0.15, kTiltStep = 0.1;
@@ -332,9 +332,10 @@ ProbeFitter::Model ProbeFitter::reference(Window& w, const ProbeFace& start, int
 
 // What else the tissue may be.
 void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
-  // What ends that far away is as if it went on.
+  // What ends that far away is as if it went on; what ends that near, as if it were as wide as the probe.
   const bool stated = w.beside_m.has_value(),
              wide = stated && *w.beside_m >= kBesideDepths.back() * w.face.depth_m;
+  const double stated_m = w.beside_m.value_or(0) < kAsWideM ? 0 : *w.beside_m;
   const double others = stated ? 1 - kBesideAsStated : 1, places = kBesideDepths.size(),
                end = (1 - kGoesOn - kIsBlock) / places;
   models[0].log_prior = std::log((kGoesOn * others + (wide ? kBesideAsStated : 0)) * (1 - kSlides));
@@ -361,7 +362,7 @@ void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
   for (const bool slides : {false, true}) {
     const double of_support = slides ? kSlides : 1 - kSlides;
     if (tilted) {
-      if (stated && !wide) consider(with(*w.beside_m, slides), kBesideAsStated * of_support);
+      if (stated && !wide) consider(with(stated_m, slides), kBesideAsStated * of_support);
       continue;
     }
     const std::size_t first = models.size(), last = first + kBesideDepths.size() - 1;
@@ -383,9 +384,9 @@ void ProbeFitter::consider_others(const Window& w, std::vector<Model>& models) {
     // Its deviation moves it as the nearest place's step would.
     const Model& near =
         *std::ranges::min_element(models.begin() + static_cast<std::ptrdiff_t>(first) + 1, models.end(), {},
-                                  [&](const Model& m) { return std::abs(m.place_m - *w.beside_m); });
-    const double std_m = w.beside_std_m > 0 ? w.beside_std_m : kLogStated * *w.beside_m;
-    Model as_stated = with(*w.beside_m, slides, std_m / kOfGridStep);
+                                  [&](const Model& m) { return std::abs(m.place_m - stated_m); });
+    const double std_m = w.beside_std_m > 0 ? w.beside_std_m : kLogStated * stated_m;
+    Model as_stated = with(stated_m, slides, std_m / kOfGridStep);
     as_stated.by_beside = near.by_beside * as_stated.step_m / near.step_m;
     as_stated.force_by_beside = near.force_by_beside * as_stated.step_m / near.step_m;
     consider(std::move(as_stated), kBesideAsStated * of_support);

@@ -12,6 +12,7 @@
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "service/imaging/modulus/cell_strains.h"
@@ -156,8 +157,10 @@ class Pressed {
     }
   }
 
-  ModulusEstimate estimate(const ModulusBudget& budget = {}) const {
-    TissueExtent tissue{0.1, kDepthM, 0.035, 0.49, Plane::kSolid, kElevationM};
+  ModulusEstimate estimate(const ModulusBudget& budget = {}, std::optional<double> beside_m = {},
+                           double depth_m = kDepthM) const {
+    TissueExtent tissue{0.1, depth_m, 0.035, 0.49, Plane::kSolid, kElevationM};
+    tissue.beside_m = beside_m;
     return make_solid(imaging_device()->queue(), {})
         ->estimate({measured, kWidthM, tissue, force, {}, budget});
   }
@@ -188,21 +191,49 @@ TEST(ProbeFit, TellsWhereTissueEndsAndWhetherItSlides) {
   struct Case {
     ProbeFace of;
     const char* is;
+    double ends_mm = 0;
   };
-  for (const Case& c : {Case{face(), "that continues beside the probe, under"},
-                        Case{face(0.007), "that ends some 7 mm beside the probe"},
-                        Case{face(0.015, true), "beside the probe and slides on its support"},
-                        Case{face(0), "that is as wide as the probe"}}) {
+  for (const Case& c :
+       {Case{face(), "that continues beside the probe, under"}, Case{face(0.007), "mm beside the probe", 7},
+        Case{face(0.015, true), "mm beside the probe and slides on its support", 15},
+        Case{face(0), "that is as wide as the probe"}}) {
     const Pressed pressed(c.of);
     const ModulusEstimate e = pressed.estimate();
     std::printf("background %.2f kPa: %s\n", 1e-3 * background(e, pressed.measured), e.model.c_str());
     EXPECT_TRUE(says(e, c.is)) << e.model;
+    double ends_mm = 0;
+    const std::size_t ends = std::min(e.model.find("that ends some "), e.model.size());
+    if (std::sscanf(e.model.c_str() + ends, "that ends some %lf mm", &ends_mm) == 1 || c.ends_mm > 0) {
+      EXPECT_NEAR(ends_mm, c.ends_mm, 3) << e.model;
+    }
     double elevation_mm = 0;
     const std::size_t at = std::min(e.model.find("30.0 x "), e.model.size());
     EXPECT_EQ(std::sscanf(e.model.c_str() + at, "30.0 x %lf mm", &elevation_mm), 1) << e.model;
     EXPECT_NEAR(elevation_mm, 1e3 * kElevationM, 0.6) << e.model;
     EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, 0.1) << e.model;
     EXPECT_FALSE(warned(e, ModulusFlag::kMisfit)) << e.model;
+  }
+}
+
+// A stated width is believed unless the strain contradicts it. What ends beyond the mesh goes on.
+TEST(ProbeFit, BelievesAStatedWidth) {
+  for (const auto& [of, beside_m, is] : {std::tuple(face(), 0.1, "that continues beside the probe, under"),
+                                         std::tuple(face(0.007), 0.007, "that ends some 7 mm"),
+                                         std::tuple(face(0), 1e-9, "that is as wide as the probe, under")}) {
+    const Pressed pressed(of);
+    const ModulusEstimate e = pressed.estimate({}, beside_m);
+    EXPECT_TRUE(says(e, is)) << e.model;
+    EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, 0.1) << e.model;
+  }
+}
+
+// Rounding must not tell the cells of a depth from those of the image: 15 mm once did.
+TEST(ProbeFit, ADepthWithinTheImageIsAnswered) {
+  const Pressed pressed(face());
+  for (const double depth_m : {0.013, 0.015}) {
+    const ModulusEstimate e = pressed.estimate({}, {}, depth_m);
+    EXPECT_EQ(warned(e, ModulusFlag::kElevation), depth_m < 0.014) << e.model;
+    EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, 0.1) << e.model;
   }
 }
 
@@ -246,14 +277,21 @@ TEST(ProbeFit, CountsTheSameForAPairAsOftenAsItComes) {
   const Pressed pressed(face(0.014, true));
   TissueExtent tissue{0.1, kDepthM, 0.035, 0.49, Plane::kSolid, kElevationM};
   const auto method = make_solid(imaging_device()->queue(), {});
-  const auto estimate = [&](ModulusMethod& by) {
-    return by.estimate({pressed.measured, kWidthM, tissue, pressed.force, {}, {.solves = 10}});
-  };
-  const ModulusEstimate first = estimate(*method), again = estimate(*method);
-  EXPECT_LT(again.solves, first.solves) << "the face of the pair before is kept";
-  EXPECT_EQ(again.iterations, first.iterations);
-  for (std::size_t n = 0; n < first.youngs_modulus.size(); ++n)
-    EXPECT_TRUE(again.youngs_modulus[n] == first.youngs_modulus[n] || std::isnan(first.youngs_modulus[n]));
+  for (const ModulusBudget& budget : {ModulusBudget{.solves = 10}, ModulusBudget{}}) {
+    const auto estimate = [&] {
+      return method->estimate({pressed.measured, kWidthM, tissue, pressed.force, {}, budget});
+    };
+    method->forget();
+    const ModulusEstimate first = estimate(), again = estimate();
+    EXPECT_LT(again.solves, first.solves) << "the answers of the pair before are kept";
+    EXPECT_EQ(again.iterations, first.iterations);
+    EXPECT_EQ(again.model, first.model);
+    for (std::size_t n = 0; n < first.youngs_modulus.size(); ++n) {
+      if (std::isnan(first.youngs_modulus[n])) continue;
+      EXPECT_EQ(again.youngs_modulus[n], first.youngs_modulus[n]);
+      EXPECT_EQ(again.log_deviation[n], first.log_deviation[n]);
+    }
+  }
   for (const bool depth : {false, true}) {
     tissue.depth_stated = depth;
     const ModulusInput in{pressed.measured, kWidthM, tissue, std::nullopt, {}};
