@@ -1,5 +1,5 @@
-// What the tissue under a probe may be, weighed by the axial strain of what looks homogeneous (T3.6): where
-// it ends beside the probe, what it lies on, how deep it is, how long the face, how it is tilted.
+// What lies under a probe (T3.6): the likeliest tissue and, from the weights of the others, what it leaves
+// open: where it ends beside the probe, what it lies on, how deep it is, how long the face.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,15 +10,9 @@
 
 #include "service/imaging/modulus/cell_strains.h"
 #include "service/imaging/modulus/modulus.h"
-#include "service/imaging/modulus/probed_tissue.h"
-#include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/modulus/weighed_tissues.h"
 
 namespace teletact::service {
-
-// Over so much of the image tissue and model differ alike.
-inline constexpr double kAlikeM2 = 25e-6;
-inline constexpr double kModelLog = 0.05;  // of ln(strain): what no such model explains
-inline constexpr double kUsualTilt = 0.3;  // of the push, to an end of the face
 
 // What is tried, decided before the first solve: tissue that goes on beside the probe under a face as stated
 // or usual; or all.
@@ -55,43 +49,19 @@ class ProbeFitter {
   // The most that fit() solves.
   static int max_solves(FitEffort);
 
-  void forget() { kept_.reset(), answers_.clear(); }
+  void forget() { kept_.reset(), weigher_.forget(); }
 
  private:
-  struct Window;
-  struct Model;
-  // How homogeneous tissue answers a push.
-  struct Answer {
-    ProbeFace face;
-    bool block;
-    double cell_m;
-    CellGrid cells;
-    Eigen::VectorXd log_strain;  // as measured
-    double log_force, lateral_ratio;
-    Eigen::VectorXd by_tilt;  // d ln(strain), where it was asked for
-  };
-  const Answer& answer(ProbeFace, bool tilted = false, double cell_m = kCoarseCellM);
-  const Answer& block_answer(const ProbeFace&, const CellGrid&);
-  Answer answer_of(ProbedTissue&, const ProbeFace&) const;
-  const Answer& keep(Answer);
-  struct Weighed;  // all models about one face
-  void fit(const Window&, Model&, double scale);
-  void settle(const Window&, Model&, int rounds);
-  Model reference(Window&, const ProbeFace& start, int rounds);
-  void consider_others(const Window&, std::vector<Model>&);
-  Weighed weigh(Window, const ProbeFace& start, bool all);
-  ProbeFit publish(const Weighed&, const ModulusInput&, double sign, bool all);
+  ProbeFit publish(const WeighedTissues&, const ModulusInput&, double sign, bool all);
   Queue queue_;
-  StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;
-  std::vector<std::unique_ptr<Answer>> answers_;  // of this window and those before
+  TissueWeigher weigher_;
   struct Kept {
     ProbeFace face;
     bool block;
     std::shared_ptr<ProbedTissue> tissue;
   };
   std::optional<Kept> kept_;  // of the pair before
-  int coarse_solves_ = 0;
 };
 
 }  // namespace teletact::service

@@ -1,0 +1,282 @@
+#include "service/imaging/modulus/weighed_tissues.h"
+
+#include <array>
+#include <stdexcept>
+#include <utility>
+
+#include "service/device/cancellation.h"
+#include "service/imaging/tracking/median.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kLeastStrain = 0.02;   // of the median, that a model shows anywhere: less is a lump to it
+constexpr double kDeepestBlockM = 0.4;  // of an image
+constexpr double kUsualGrading = 0.12;  // of ln E from the face to the bottom of the image, beforehand
+// What the tissue may be. Where it may end beside the probe, in depths: the next to a place is as likely.
+constexpr std::array kBesideDepths{0.0, 0.1, 0.2, 0.35, 0.5, 0.7};
+constexpr double kGoesOn = 0.5, kSlides = 0.3, kIsBlock = 0.05;  // beforehand: shares of all, of each, of all
+constexpr double kBesideAsStated = 0.9, kAsWideM = 0.5e-3;
+constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps between the places
+
+constexpr double kVary = 0.15, kTiltStep = 0.1;
+constexpr double kLinear = 0.15;  // of ln of elevation and depth: as far as a step is true, about
+constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
+constexpr int kRoundsOfOthers = 2;
+constexpr double kWorthless = 5;       // ln of the odds against a model that is not looked at closer
+constexpr double kLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
+
+}  // namespace
+
+// A field of cells in the middles of other cells.
+VectorXd sampled(const VectorXd& of, const CellGrid& cells, const CellGrid& at) {
+  const ImageGrid middles{at.columns, at.rows, at.first_x_m, at.row_m / 2, at.spacing_m, at.row_m};
+  VectorXd out(static_cast<Index>(at.size()));
+  for (std::size_t c = 0; c < at.size(); ++c) out[static_cast<Index>(c)] = at_node(of, cells, middles, 0, c);
+  return out;
+}
+
+TissueWeigher::TissueWeigher(const Queue& queue, const StrainOptions& strain,
+                             std::shared_ptr<StripCache> strips)
+    : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
+
+void TissueWeigher::begin() {
+  constexpr std::ptrdiff_t kAnswers = 300;
+  if (std::ssize(answers_) > kAnswers) answers_.clear();
+  coarse_solves_ = 0;
+}
+
+const TissueAnswer& TissueWeigher::answer(ProbeFace face, bool tilted, double cell_m) {
+  face.depth_m = std::max(face.depth_m, face.image_depth_m);  // so that the cells are those of the image
+  for (const auto& known : answers_)
+    if (known->face == face && !known->block && known->cell_m == cell_m && (!tilted || known->by_tilt.size()))
+      return *known;
+  check_cancelled();
+  // One that fails counts as well.
+  coarse_solves_ += (tilted ? 2 : 1) * (cell_m == kCoarseCellM ? 1 : kCoarsePerSolve);
+  const auto tissue = make_probed_solid(queue_, face, cell_m);
+  TissueAnswer out = answer_of(*tissue, face);
+  out.cell_m = cell_m;
+  if (tilted) {
+    const VectorXd more =
+        -as_measured(tissue->push_homogeneous(kTiltStep).axial_strain, tissue->cells(), strain_);
+    out.by_tilt = (more.array() / out.log_strain.array().exp() - 1) / kTiltStep;
+  }
+  return keep(std::move(out));
+}
+
+const TissueAnswer& TissueWeigher::block_answer(const ProbeFace& face, const CellGrid& cells) {
+  for (const auto& known : answers_)
+    if (known->face == face && known->block) return *known;
+  check_cancelled();
+  coarse_solves_ += kCoarsePerSolve;
+  TissueAnswer out = answer_of(*make_probed_block(face, *strips_, kCoarseCellM), face);
+  out.block = true;
+  out.log_strain = sampled(out.log_strain, out.cells, cells);
+  return keep(std::move(out));
+}
+
+TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& face) const {
+  const ProbedTissue::Response level = tissue.push_homogeneous();
+  const VectorXd strain = -as_measured(level.axial_strain, tissue.cells(), strain_);
+  std::vector<double> sizes, ratios;
+  for (Index c = 0; c < strain.size(); ++c)
+    if (strain[c] > 0)
+      sizes.push_back(strain[c]), ratios.push_back(-level.lateral_strain[c] / level.axial_strain[c]);
+  if (sizes.empty()) throw std::invalid_argument("tissue_depth_m: no strain reaches the image; check it");
+  return {face,
+          false,
+          kCoarseCellM,
+          tissue.cells(),
+          strain.cwiseMax(kLeastStrain * median(sizes)).array().log(),
+          std::log(level.force_n),
+          median(ratios),
+          {}};
+}
+
+const TissueAnswer& TissueWeigher::keep(TissueAnswer answer) {
+  answers_.push_back(std::make_unique<TissueAnswer>(std::move(answer)));
+  return *answers_.back();
+}
+
+void TissueWeigher::fit(const TissueWindow& w, TissueModel& m, double scale) const {
+  VectorXd residual = m.answer->log_strain - w.measured.log_strain;
+  if (!m.block) residual += w.finer;
+  std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}, {w.of_depth, 0, kUsualGrading, true}};
+  if (!m.block) {
+    const auto known = [&](const KnownLength& of, const VectorXd& by, double at_m) {
+      columns.push_back({-by, of.log - std::log(at_m), of.deviation, of.stated, kLinear});
+    };
+    known(w.elevation, w.by_elevation, m.face.elevation_m);
+    known(w.depth, w.by_depth, m.face.depth_m);
+    if (m.by_beside.size()) columns.push_back({-m.by_beside, 0, kOfGridStep, false});
+  }
+  m.fit = fit_robustly(residual, w.measured.observed, columns, w.places, scale);
+  if (std::isfinite(w.lateral_ratio))
+    m.fit.misfit += std::log1p(squared((w.lateral_ratio - m.answer->lateral_ratio) / kLateralRatio) / 2);
+}
+
+// To where its elevation, depth and end are linear.
+void TissueWeigher::settle(const TissueWindow& w, TissueModel& m, int rounds) {
+  for (; rounds > 0 && !m.block; --rounds) {
+    ProbeFace face = m.face;
+    const auto moved = [](const KnownLength& of, double at_m, double by) {
+      return std::exp(std::clamp(std::log(at_m) + by, of.low, of.high));
+    };
+    face.elevation_m = moved(w.elevation, face.elevation_m, m.fit.at[kElevation]);
+    face.depth_m = moved(w.depth, face.depth_m, m.fit.at[kDepth]);
+    if (m.by_beside.size())
+      face.beside_m = std::clamp(face.beside_m + m.step_m * m.fit.at[kBeside],
+                                 std::max(0.0, m.place_m - m.step_m / 2), m.place_m + m.step_m / 2);
+    const double way =
+        std::max({std::abs(std::log(face.elevation_m / m.face.elevation_m)),
+                  std::abs(std::log(face.depth_m / m.face.depth_m)),
+                  m.step_m > 0 ? 0.5 * std::abs(face.beside_m - m.face.beside_m) / m.step_m : 0.0});
+    if (way < kSettled) return;
+    try {
+      TissueModel other = m;
+      other.face = face, other.answer = &answer(face);
+      fit(w, other, 0);
+      m = std::move(other);
+    } catch (const std::invalid_argument&) {  // beyond what is modelled
+      return;
+    }
+  }
+}
+
+// Tissue that goes on, to where it is linear.
+TissueModel TissueWeigher::reference(TissueWindow& w, const ProbeFace& start, int rounds) {
+  const TissueAnswer& fine = answer(start, false, kFineCellM);
+  TissueModel out{start};
+  const auto linear = [&] {
+    w.face = out.face;
+    out.answer = &answer(w.face, true);
+    w.by_tilt = out.answer->by_tilt;
+    const auto by = [&](double ProbeFace::*length, VectorXd& of_strain, double& of_force) {
+      // The one way or the other: it may stand at the edge of what is modelled.
+      const auto varied = [&](double way) {
+        ProbeFace face = w.face;
+        face.*length *= std::exp(way);
+        const TissueAnswer& other = answer(face);
+        of_strain = (other.log_strain - out.answer->log_strain) / way;
+        of_force = (other.log_force - out.answer->log_force) / way;
+      };
+      try {
+        varied(kVary);
+      } catch (const std::invalid_argument&) {
+        varied(-kVary);
+      }
+    };
+    by(&ProbeFace::elevation_m, w.by_elevation, w.force_by_elevation);
+    by(&ProbeFace::depth_m, w.by_depth, w.force_by_depth);
+  };
+  linear();
+  w.finer = sampled(fine.log_strain, fine.cells, w.cells) - out.answer->log_strain;
+  for (int round = 1;; ++round) {
+    fit(w, out, 0);
+    if (round == rounds) return out;
+    const TissueWindow last = w;
+    const TissueModel settled = out;
+    settle(w, out, 1);
+    if (out.face == settled.face) return out;
+    try {
+      linear();
+    } catch (const std::invalid_argument&) {  // its neighbours are beyond what is modelled
+      w = last;
+      return settled;
+    }
+  }
+}
+
+// What else the tissue may be.
+void TissueWeigher::consider_others(const TissueWindow& w, std::vector<TissueModel>& models) {
+  // What ends that far away is as if it went on; what ends that near, as if it were as wide as the probe.
+  const bool stated = w.beside_m.has_value(),
+             wide = stated && *w.beside_m >= kBesideDepths.back() * w.face.depth_m;
+  const double stated_m = w.beside_m.value_or(0) < kAsWideM ? 0 : *w.beside_m;
+  const double others = stated ? 1 - kBesideAsStated : 1, places = kBesideDepths.size(),
+               end = (1 - kGoesOn - kIsBlock) / places;
+  models[0].log_prior = std::log((kGoesOn * others + (wide ? kBesideAsStated : 0)) * (1 - kSlides));
+  // A face that touches in part looks tilted, and sides would explain some of it.
+  const bool tilted = std::abs(models[0].fit.at[kTilt]) > kMaxTiltOfSides;
+  const auto consider = [&](TissueModel model, double prior) {
+    try {
+      model.answer = model.block ? &block_answer(model.face, w.cells) : &answer(model.face);
+      model.log_prior = std::log(prior);
+      models.push_back(std::move(model));
+    } catch (const std::invalid_argument&) {  // beyond what is modelled
+    }
+  };
+  const auto with = [&](double beside_m, bool slides, double step_m = 0) {
+    TissueModel model{w.face};
+    model.face.beside_m = model.place_m = beside_m, model.face.slides = slides, model.step_m = step_m;
+    return model;
+  };
+  if (w.face.image_depth_m < kDeepestBlockM) {
+    TissueModel block = with(0, false);
+    block.block = true, block.face.elevation_m = std::exp(w.elevation.log);
+    consider(std::move(block), kIsBlock * others);
+  }
+  for (const bool slides : {false, true}) {
+    const double of_support = slides ? kSlides : 1 - kSlides;
+    if (tilted) {
+      if (stated && !wide) consider(with(stated_m, slides), kBesideAsStated * of_support);
+      continue;
+    }
+    const std::size_t first = models.size(), last = first + kBesideDepths.size() - 1;
+    for (std::size_t k = 0; k < kBesideDepths.size(); ++k) {
+      const bool inner = k + 1 < kBesideDepths.size();
+      const double way =
+          k > 0 ? (kBesideDepths[inner ? k + 1 : k] - kBesideDepths[k - 1]) / (inner ? 2 : 1) : 0;
+      consider(with(w.face.depth_m * kBesideDepths[k], slides, w.face.depth_m * way),
+               end * of_support * others);
+    }
+    // As wide as the probe is cut so: the first place stays.
+    for (std::size_t k = first + 1; models.size() == last + 1 && k <= last; ++k) {
+      const TissueModel &before = models[k - 1], &after = models[std::min(k + 1, last)];
+      const double steps = (after.face.beside_m - before.face.beside_m) / models[k].step_m;
+      models[k].by_beside = (after.answer->log_strain - before.answer->log_strain) / steps;
+      models[k].force_by_beside = (after.answer->log_force - before.answer->log_force) / steps;
+    }
+    if (!stated || wide || models.size() != last + 1) continue;
+    // Its deviation moves it as the nearest place's step would.
+    const TissueModel& near =
+        *std::ranges::min_element(models.begin() + static_cast<std::ptrdiff_t>(first) + 1, models.end(), {},
+                                  [&](const TissueModel& m) { return std::abs(m.place_m - stated_m); });
+    const double std_m = w.beside_std_m > 0 ? w.beside_std_m : kLogStated * stated_m;
+    TissueModel as_stated = with(stated_m, slides, std_m / kOfGridStep);
+    as_stated.by_beside = near.by_beside * as_stated.step_m / near.step_m;
+    as_stated.force_by_beside = near.force_by_beside * as_stated.step_m / near.step_m;
+    consider(std::move(as_stated), kBesideAsStated * of_support);
+  }
+}
+
+WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start, bool all) {
+  WeighedTissues out{std::move(window), {}};
+  out.models.push_back(reference(out.window, start, all ? kRoundsOfReference : 1));
+  if (!all) return out;
+  consider_others(out.window, out.models);
+  for (TissueModel& m : out.models) fit(out.window, m, 0);
+  const double scale = std::hypot(out.least().fit.rest, kModelLog);
+  for (TissueModel& m : out.models) fit(out.window, m, scale);
+  const double best = out.best();
+  for (TissueModel& m : out.models)
+    if (m.odds() > best - kWorthless) settle(out.window, m, kRoundsOfOthers);
+  return out;
+}
+
+int TissueWeigher::max_coarse_solves_of_reference() {
+  // Fine; level, tilted and two neighbours, or four; and where it moves to.
+  return kCoarsePerSolve + 6 + 7 * (kRoundsOfReference - 1);
+}
+
+int TissueWeigher::max_coarse_solves(bool all) {
+  constexpr int kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1);
+  return all ? max_coarse_solves_of_reference() + kCoarsePerSolve + kOthers + (1 + kOthers) * kRoundsOfOthers
+             : kCoarsePerSolve + 6;
+}
+
+}  // namespace teletact::service

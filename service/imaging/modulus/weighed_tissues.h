@@ -1,0 +1,126 @@
+// Tissues that may lie under a probe, weighed by the axial strain of what looks homogeneous (T3.6): each is
+// solved homogeneous on coarse cells, and fitted to the strain with what is not known of it.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "service/imaging/modulus/cell_strains.h"
+#include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/modulus/robust_fit.h"
+
+namespace teletact::service {
+
+// Over so much of the image tissue and model differ alike.
+inline constexpr double kAlikeM2 = 25e-6;
+inline constexpr double kModelLog = 0.05;       // of ln(strain): what no such model explains
+inline constexpr double kUsualTilt = 0.3;       // of the push, to an end of the face
+inline constexpr double kMaxTiltOfSides = 0.2;  // of the same: with more no sides are tried
+inline constexpr double kLogStated = 0.1;       // of what is stated without a deviation of its own
+inline constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
+inline constexpr int kRoundsOfReference = 3;
+
+// Of TissueModel::fit; a block has the first two, what goes on the first four.
+enum FitColumns { kTilt, kGrading, kElevation, kDepth, kBeside };
+
+// What is known of ln of a length beforehand.
+struct KnownLength {
+  bool stated;
+  double log, deviation, low, high;
+  static constexpr double kContradicted = 2;  // deviations
+  bool contradicted(double at_m) const {
+    return stated && std::abs(std::log(at_m) - log) > kContradicted * deviation;
+  }
+};
+
+// How homogeneous tissue answers a push.
+struct TissueAnswer {
+  ProbeFace face;
+  bool block;
+  double cell_m;
+  CellGrid cells;
+  Eigen::VectorXd log_strain;  // as measured
+  double log_force, lateral_ratio;
+  Eigen::VectorXd by_tilt;  // d ln(strain), where it was asked for
+};
+
+// What all models are held against: coarse cells, linear about a face.
+struct TissueWindow {
+  std::optional<double> beside_m;  // stated
+  double beside_std_m;
+  KnownLength elevation, depth;
+  double lateral_ratio = NAN;
+  CellStrains measured = {};
+  Eigen::VectorXd of_depth = {};  // in images, from the middle of one
+  CellGrid cells = {};
+  double places = 0;           // of a cell, by what is independent in it
+  Eigen::VectorXd finer = {};  // ln(strain): what fine cells make of it beyond coarse ones
+  ProbeFace face = {};  // of the reference, tissue that goes on: the changes of its ln(strain), ln(force)
+  Eigen::VectorXd by_tilt = {}, by_elevation = {}, by_depth = {};
+  double force_by_elevation = 0, force_by_depth = 0;
+};
+
+struct TissueModel {
+  ProbeFace face;
+  bool block = false;
+  double log_prior = 0;
+  double place_m = 0, step_m = 0;  // beside the probe, and from there to the next
+  Eigen::VectorXd by_beside = {};
+  double force_by_beside = 0;
+  const TissueAnswer* answer = nullptr;  // of `face`
+  RobustFit fit = {};
+  double weight = 0;
+  double odds() const { return log_prior - fit.misfit; }  // ln, but for what all share
+};
+
+struct WeighedTissues {
+  TissueWindow window;
+  std::vector<TissueModel> models;
+  double best() const {
+    return std::ranges::max_element(models, {}, [](const TissueModel& m) { return m.odds(); })->odds();
+  }
+  const TissueModel& least() const {
+    return *std::ranges::min_element(models, {}, [](const TissueModel& m) { return m.fit.rest; });
+  }
+};
+
+// A field of cells in the middles of other cells.
+Eigen::VectorXd sampled(const Eigen::VectorXd& of, const CellGrid& cells, const CellGrid& at);
+
+// Used by one thread at a time. What it finds does not depend on what it keeps.
+class TissueWeigher {
+ public:
+  TissueWeigher(const Queue&, const StrainOptions&, std::shared_ptr<StripCache>);
+  // Of tissue that goes on, ends or slides. Throws std::invalid_argument, DeviceError.
+  const TissueAnswer& answer(ProbeFace, bool tilted = false, double cell_m = kCoarseCellM);
+  // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
+  TissueModel reference(TissueWindow&, const ProbeFace& start, int rounds);
+  // `all`: what else the tissue may be, too; else the reference alone, as it starts.
+  WeighedTissues weigh(TissueWindow, const ProbeFace& start, bool all);
+  // To the window's strain, at one scale, or (0) that of what it leaves itself.
+  void fit(const TissueWindow&, TissueModel&, double scale) const;
+
+  void begin();  // a fit: counts its solves, and keeps no more than some hundred answers
+  int coarse_solves() const { return coarse_solves_; }
+  static int max_coarse_solves(bool all);  // of reference() and weigh() together
+  static int max_coarse_solves_of_reference();
+  void forget() { answers_.clear(); }
+
+ private:
+  const TissueAnswer& block_answer(const ProbeFace&, const CellGrid&);
+  TissueAnswer answer_of(ProbedTissue&, const ProbeFace&) const;
+  const TissueAnswer& keep(TissueAnswer);
+  void settle(const TissueWindow&, TissueModel&, int rounds);
+  void consider_others(const TissueWindow&, std::vector<TissueModel>&);
+  Queue queue_;
+  StrainOptions strain_;
+  std::shared_ptr<StripCache> strips_;
+  std::vector<std::unique_ptr<TissueAnswer>> answers_;  // of this window and those before
+  int coarse_solves_ = 0;
+};
+
+}  // namespace teletact::service
