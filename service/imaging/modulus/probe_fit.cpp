@@ -140,6 +140,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
     w.of_depth[static_cast<Index>(c)] = w.cells.y_m(c) / image_m - 0.5;
 
   const bool all = effort == FitEffort::kWeighed;
+  w.as_stated = !all;
   WeighedTissues found = weigher_.weigh(w, usual(w), all);
   if (all) {
     std::vector<WeighedTissues> starts;
@@ -261,10 +262,9 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
                              of_modulus(w.by_depth, w.force_by_depth)};
     if (likeliest.by_beside.size()) by.push_back(of_modulus(likeliest.by_beside, likeliest.force_by_beside));
     const auto count = static_cast<Index>(by.size());
-    MatrixXd covariance = likeliest.fit.covariance.block(kElevation, kElevation, count, count);
-    if (!all)
-      covariance = Eigen::Vector2d(squared(w.elevation.deviation), squared(w.depth.deviation)).asDiagonal();
-    const MatrixXd root = covariance.llt().matrixL();
+    const MatrixXd root =
+        all ? MatrixXd(likeliest.fit.covariance.block(kElevation, kElevation, count, count).llt().matrixL())
+            : MatrixXd(Eigen::Vector2d(w.elevation.deviation, w.depth.deviation).asDiagonal());
     for (Index k = 0; k < count; ++k) {
       VectorXd change = VectorXd::Zero(used.size());
       for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
@@ -272,11 +272,11 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
     }
   }
   out.common_log = likeliest.block || out.face.goes_on() ? kCommonLog : kCommonLogOfSides;
-  const double grading = likeliest.fit.at[kGrading];
+  const double grading = all ? likeliest.fit.at[kGrading] : 0;
   out.rest = std::abs(grading) < kMaxGrading ? likeliest.fit.rest
                                              : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);
   out.as_usual = !all && !(w.elevation.stated && w.depth.stated);
-  out.unweighed = !all && (out.rest > kWellExplained || std::abs(grading) > kNotedGrading);
+  out.unweighed = !all && out.rest > kWellExplained;
   // Nor was it where the face is tilted so much.
   const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
   if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);

@@ -14,8 +14,8 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kLeastStrain = 0.02;   // of the median, that a model shows anywhere: less is a lump to it
-constexpr double kDeepestBlockM = 0.4;  // of an image
 constexpr double kUsualGrading = 0.12;  // of ln E from the face to the bottom of the image, beforehand
+constexpr double kDeepestBlockM = 0.4;  // of an image
 // What the tissue may be. Where it may end beside the probe, in depths: the next to a place is as likely.
 constexpr std::array kBesideDepths{0.0, 0.1, 0.2, 0.35, 0.5, 0.7};
 constexpr double kGoesOn = 0.5, kSlides = 0.3, kIsBlock = 0.05;  // beforehand: shares of all, of each, of all
@@ -105,8 +105,10 @@ const TissueAnswer& TissueWeigher::keep(TissueAnswer answer) {
 void TissueWeigher::fit(const TissueWindow& w, TissueModel& m, double scale) const {
   VectorXd residual = m.answer->log_strain - w.measured.log_strain;
   if (!m.block) residual += w.finer;
-  std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}, {w.of_depth, 0, kUsualGrading, true}};
-  if (!m.block) {
+  std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}};
+  // Sides may look like a grading: it counts where they are tried.
+  if (!w.as_stated) columns.push_back({w.of_depth, 0, kUsualGrading, true});
+  if (!m.block && !w.as_stated) {
     const auto known = [&](const KnownLength& of, const VectorXd& by, double at_m) {
       columns.push_back({-by, of.log - std::log(at_m), of.deviation, of.stated, kLinear});
     };

@@ -53,6 +53,7 @@ struct TissueWindow {
   std::optional<double> beside_m;  // stated
   double beside_std_m;
   KnownLength elevation, depth;
+  bool as_stated = false;  // a level and a tilt alone are fitted
   double lateral_ratio = NAN;
   CellStrains measured = {};
   Eigen::VectorXd of_depth = {};  // in images, from the middle of one

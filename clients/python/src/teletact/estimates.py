@@ -47,8 +47,8 @@ def _set(message: Any, numbers: dict[str, float | None]) -> None:
     for field, value in numbers.items():
         if value is None:
             continue
-        if "_std" in field and not value > 0:  # 0 is the contract's default
-            raise InvalidArgument(f"{value}", field=field, remedy="give a standard deviation above 0, or leave it out")
+        if ("_std" in field or field == "force_gain") and not value > 0:  # 0 is the contract's default
+            raise InvalidArgument(f"{value}", field=field, remedy="give a number above 0, or leave it out")
         setattr(message, field, float(value))
 
 
