@@ -161,22 +161,22 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       }
     }
     starts.push_back(std::move(found));
-    const TissueModel& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
+    const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
                                  return s.least().fit.rest;
                                })->least();
     const double scale = std::hypot(least.fit.rest, kModelLog),
                  places = w.cells.spacing_m * w.cells.row_m / alike_m2(least.fit.left, w.cells, scale);
     for (WeighedTissues& start : starts) {
       start.window.places = places;
-      for (TissueModel& m : start.models) weigher_.fit(start.window, m, scale);
+      for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
     }
     found =
         std::move(*std::ranges::max_element(starts, {}, [](const WeighedTissues& s) { return s.best(); }));
   }
   const double best = found.best();
   double sum = 0;
-  for (TissueModel& m : found.models) sum += m.weight = std::exp(m.odds() - best);
-  for (TissueModel& m : found.models) m.weight /= sum;
+  for (CandidateTissue& m : found.models) sum += m.weight = std::exp(m.odds() - best);
+  for (CandidateTissue& m : found.models) m.weight /= sum;
   ProbeFit out = publish(found, in, sign, all);
   out.top_m = top_m;
   if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
@@ -188,11 +188,11 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
   const TissueWindow& w = weighed.window;
   // By kind: what ends here or there ends.
   struct Kind {
-    const TissueModel* of;
+    const CandidateTissue* of;
     double weight;
   };
   std::map<std::array<int, 2>, Kind> kinds;
-  for (const TissueModel& m : weighed.models) {
+  for (const CandidateTissue& m : weighed.models) {
     const int ends = m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2;
     Kind& kind = kinds.try_emplace({ends, m.face.slides}, Kind{&m, 0}).first->second;
     kind.weight += m.weight;
@@ -201,7 +201,7 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
   std::vector<Kind> order;
   for (const auto& [_, kind] : kinds) order.push_back(kind);
   std::ranges::sort(order, std::ranges::greater{}, [](const Kind& k) { return k.weight; });
-  const TissueModel& likeliest = *order[0].of;
+  const CandidateTissue& likeliest = *order[0].of;
 
   // In the cells of the likeliest.
   ProbeFit out;
@@ -221,7 +221,7 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
 
   // Of a face on tissue that goes on, about the same for all.
   double log_share = 0;
-  if (in.force && std::ranges::any_of(weighed.models, [](const TissueModel& m) {
+  if (in.force && std::ranges::any_of(weighed.models, [](const CandidateTissue& m) {
         return m.face.goes_on() && m.weight > kLeastWeight;
       }))
     log_share = std::log(out.face.goes_on() ? out.tissue->force_share()
@@ -232,7 +232,7 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
     log_strain.array() -= in.force ? log_force : w.measured.observed.dot(log_strain) / observed;
     return log_strain;
   };
-  const auto found = [&](const TissueModel& m, double share = 1) {
+  const auto found = [&](const CandidateTissue& m, double share = 1) {
     VectorXd log_strain = m.answer->log_strain;
     if (!m.block) log_strain += w.finer;
     double log_force = m.answer->log_force - (m.face.goes_on() ? log_share : 0);
@@ -247,11 +247,11 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
   };
   const VectorXd used = found(likeliest, 0);
   VectorXd mean = VectorXd::Zero(used.size());
-  for (const TissueModel& m : weighed.models)
+  for (const CandidateTissue& m : weighed.models)
     if (m.weight > kLeastWeight) mean += m.weight * (found(m) - used);
   out.shift = in_cells(mean);
   VectorXd variance = VectorXd::Zero(used.size());
-  for (const TissueModel& m : weighed.models)
+  for (const CandidateTissue& m : weighed.models)
     if (m.weight > kLeastWeight) variance += m.weight * (found(m) - used - mean).cwiseAbs2();
   out.between = in_cells(variance.cwiseSqrt());
   // And what the likeliest leaves open of itself; of a block, whose length alone bears the force, that.
@@ -301,7 +301,7 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
                                                : out.as_usual ? "usual"
                                                               : "fitted");
   };
-  const auto words_of = [](const TissueModel& m) -> std::string {
+  const auto words_of = [](const CandidateTissue& m) -> std::string {
     if (m.block) return "is a block as wide as the probe, its bottom unseen";
     const std::string end = m.face.goes_on() ? "continues beside the probe"
                             : m.face.beside_m > 0

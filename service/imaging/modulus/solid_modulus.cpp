@@ -131,7 +131,7 @@ class SolidModulusMethod : public ModulusMethod {
           "that ends beside the probe, and one that slides; give more time",
           100 * fit.rest, in.budget.why_solves);
     if (!fit.contradicted.empty())
-      out.warn(ModulusFlag::kElevation, "{}; the modulus is of what the strain shows: check it",
+      out.warn(ModulusFlag::kElevation, "{}; the modulus follows the strain: check what you stated",
                fit.contradicted);
     if (fit.rest > std::hypot(kMaxRest, level_of(fit.measured.deviation, fit.measured.observed)))
       out.warn(ModulusFlag::kMisfit,

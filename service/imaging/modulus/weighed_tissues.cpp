@@ -102,7 +102,7 @@ const TissueAnswer& TissueWeigher::keep(TissueAnswer answer) {
   return *answers_.back();
 }
 
-void TissueWeigher::fit(const TissueWindow& w, TissueModel& m, double scale) const {
+void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale) const {
   VectorXd residual = m.answer->log_strain - w.measured.log_strain;
   if (!m.block) residual += w.finer;
   std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}};
@@ -122,7 +122,7 @@ void TissueWeigher::fit(const TissueWindow& w, TissueModel& m, double scale) con
 }
 
 // To where its elevation, depth and end are linear.
-void TissueWeigher::settle(const TissueWindow& w, TissueModel& m, int rounds) {
+void TissueWeigher::settle(const TissueWindow& w, CandidateTissue& m, int rounds) {
   for (; rounds > 0 && !m.block; --rounds) {
     ProbeFace face = m.face;
     const auto moved = [](const KnownLength& of, double at_m, double by) {
@@ -139,7 +139,7 @@ void TissueWeigher::settle(const TissueWindow& w, TissueModel& m, int rounds) {
                   m.step_m > 0 ? 0.5 * std::abs(face.beside_m - m.face.beside_m) / m.step_m : 0.0});
     if (way < kSettled) return;
     try {
-      TissueModel other = m;
+      CandidateTissue other = m;
       other.face = face, other.answer = &answer(face);
       fit(w, other, 0);
       m = std::move(other);
@@ -150,9 +150,9 @@ void TissueWeigher::settle(const TissueWindow& w, TissueModel& m, int rounds) {
 }
 
 // Tissue that goes on, to where it is linear.
-TissueModel TissueWeigher::reference(TissueWindow& w, const ProbeFace& start, int rounds) {
+CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start, int rounds) {
   const TissueAnswer& fine = answer(start, false, kFineCellM);
-  TissueModel out{start};
+  CandidateTissue out{start};
   const auto linear = [&] {
     w.face = out.face;
     out.answer = &answer(w.face, true);
@@ -181,7 +181,7 @@ TissueModel TissueWeigher::reference(TissueWindow& w, const ProbeFace& start, in
     fit(w, out, 0);
     if (round == rounds) return out;
     const TissueWindow last = w;
-    const TissueModel settled = out;
+    const CandidateTissue settled = out;
     settle(w, out, 1);
     if (out.face == settled.face) return out;
     try {
@@ -194,7 +194,7 @@ TissueModel TissueWeigher::reference(TissueWindow& w, const ProbeFace& start, in
 }
 
 // What else the tissue may be.
-void TissueWeigher::consider_others(const TissueWindow& w, std::vector<TissueModel>& models) {
+void TissueWeigher::consider_others(const TissueWindow& w, std::vector<CandidateTissue>& models) {
   // What ends that far away is as if it went on; what ends that near, as if it were as wide as the probe.
   const bool stated = w.beside_m.has_value(),
              wide = stated && *w.beside_m >= kBesideDepths.back() * w.face.depth_m;
@@ -204,7 +204,7 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<TissueMod
   models[0].log_prior = std::log((kGoesOn * others + (wide ? kBesideAsStated : 0)) * (1 - kSlides));
   // A face that touches in part looks tilted, and sides would explain some of it.
   const bool tilted = std::abs(models[0].fit.at[kTilt]) > kMaxTiltOfSides;
-  const auto consider = [&](TissueModel model, double prior) {
+  const auto consider = [&](CandidateTissue model, double prior) {
     try {
       model.answer = model.block ? &block_answer(model.face, w.cells) : &answer(model.face);
       model.log_prior = std::log(prior);
@@ -213,12 +213,12 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<TissueMod
     }
   };
   const auto with = [&](double beside_m, bool slides, double step_m = 0) {
-    TissueModel model{w.face};
+    CandidateTissue model{w.face};
     model.face.beside_m = model.place_m = beside_m, model.face.slides = slides, model.step_m = step_m;
     return model;
   };
   if (w.face.image_depth_m < kDeepestBlockM) {
-    TissueModel block = with(0, false);
+    CandidateTissue block = with(0, false);
     block.block = true, block.face.elevation_m = std::exp(w.elevation.log);
     consider(std::move(block), kIsBlock * others);
   }
@@ -238,18 +238,18 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<TissueMod
     }
     // As wide as the probe is cut so: the first place stays.
     for (std::size_t k = first + 1; models.size() == last + 1 && k <= last; ++k) {
-      const TissueModel &before = models[k - 1], &after = models[std::min(k + 1, last)];
+      const CandidateTissue &before = models[k - 1], &after = models[std::min(k + 1, last)];
       const double steps = (after.face.beside_m - before.face.beside_m) / models[k].step_m;
       models[k].by_beside = (after.answer->log_strain - before.answer->log_strain) / steps;
       models[k].force_by_beside = (after.answer->log_force - before.answer->log_force) / steps;
     }
     if (!stated || wide || models.size() != last + 1) continue;
     // Its deviation moves it as the nearest place's step would.
-    const TissueModel& near =
+    const CandidateTissue& near =
         *std::ranges::min_element(models.begin() + static_cast<std::ptrdiff_t>(first) + 1, models.end(), {},
-                                  [&](const TissueModel& m) { return std::abs(m.place_m - stated_m); });
+                                  [&](const CandidateTissue& m) { return std::abs(m.place_m - stated_m); });
     const double std_m = w.beside_std_m > 0 ? w.beside_std_m : kLogStated * stated_m;
-    TissueModel as_stated = with(stated_m, slides, std_m / kOfGridStep);
+    CandidateTissue as_stated = with(stated_m, slides, std_m / kOfGridStep);
     as_stated.by_beside = near.by_beside * as_stated.step_m / near.step_m;
     as_stated.force_by_beside = near.force_by_beside * as_stated.step_m / near.step_m;
     consider(std::move(as_stated), kBesideAsStated * of_support);
@@ -261,11 +261,11 @@ WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start,
   out.models.push_back(reference(out.window, start, all ? kRoundsOfReference : 1));
   if (!all) return out;
   consider_others(out.window, out.models);
-  for (TissueModel& m : out.models) fit(out.window, m, 0);
+  for (CandidateTissue& m : out.models) fit(out.window, m, 0);
   const double scale = std::hypot(out.least().fit.rest, kModelLog);
-  for (TissueModel& m : out.models) fit(out.window, m, scale);
+  for (CandidateTissue& m : out.models) fit(out.window, m, scale);
   const double best = out.best();
-  for (TissueModel& m : out.models)
+  for (CandidateTissue& m : out.models)
     if (m.odds() > best - kWorthless) settle(out.window, m, kRoundsOfOthers);
   return out;
 }

@@ -24,7 +24,7 @@ inline constexpr double kLogStated = 0.1;       // of what is stated without a d
 inline constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
 inline constexpr int kRoundsOfReference = 3;
 
-// Of TissueModel::fit; a block has the first two, what goes on the first four.
+// Of CandidateTissue::fit; a block has the first two, what goes on the first four.
 enum FitColumns { kTilt, kGrading, kElevation, kDepth, kBeside };
 
 // What is known of ln of a length beforehand.
@@ -65,7 +65,7 @@ struct TissueWindow {
   double force_by_elevation = 0, force_by_depth = 0;
 };
 
-struct TissueModel {
+struct CandidateTissue {
   ProbeFace face;
   bool block = false;
   double log_prior = 0;
@@ -80,12 +80,12 @@ struct TissueModel {
 
 struct WeighedTissues {
   TissueWindow window;
-  std::vector<TissueModel> models;
+  std::vector<CandidateTissue> models;
   double best() const {
-    return std::ranges::max_element(models, {}, [](const TissueModel& m) { return m.odds(); })->odds();
+    return std::ranges::max_element(models, {}, [](const CandidateTissue& m) { return m.odds(); })->odds();
   }
-  const TissueModel& least() const {
-    return *std::ranges::min_element(models, {}, [](const TissueModel& m) { return m.fit.rest; });
+  const CandidateTissue& least() const {
+    return *std::ranges::min_element(models, {}, [](const CandidateTissue& m) { return m.fit.rest; });
   }
 };
 
@@ -99,11 +99,11 @@ class TissueWeigher {
   // Of tissue that goes on, ends or slides. Throws std::invalid_argument, DeviceError.
   const TissueAnswer& answer(ProbeFace, bool tilted = false, double cell_m = kCoarseCellM);
   // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
-  TissueModel reference(TissueWindow&, const ProbeFace& start, int rounds);
+  CandidateTissue reference(TissueWindow&, const ProbeFace& start, int rounds);
   // `all`: what else the tissue may be, too; else the reference alone, as it starts.
   WeighedTissues weigh(TissueWindow, const ProbeFace& start, bool all);
   // To the window's strain, at one scale, or (0) that of what it leaves itself.
-  void fit(const TissueWindow&, TissueModel&, double scale) const;
+  void fit(const TissueWindow&, CandidateTissue&, double scale) const;
 
   void begin();  // a fit: counts its solves, and keeps no more than some hundred answers
   int coarse_solves() const { return coarse_solves_; }
@@ -115,8 +115,8 @@ class TissueWeigher {
   const TissueAnswer& block_answer(const ProbeFace&, const CellGrid&);
   TissueAnswer answer_of(ProbedTissue&, const ProbeFace&) const;
   const TissueAnswer& keep(TissueAnswer);
-  void settle(const TissueWindow&, TissueModel&, int rounds);
-  void consider_others(const TissueWindow&, std::vector<TissueModel>&);
+  void settle(const TissueWindow&, CandidateTissue&, int rounds);
+  void consider_others(const TissueWindow&, std::vector<CandidateTissue>&);
   Queue queue_;
   StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;
