@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -211,6 +212,45 @@ TEST_F(Device_, ProfileCountsLaunchesByName) {
   EXPECT_EQ(times[0].name, "scale");
   EXPECT_EQ(times[0].launches, 3u);
   EXPECT_GT(times[0].seconds, 0);
+}
+
+TEST_F(Device_, CountsWhatItIsAskedFor) {
+  const Queue queue = Device::open(options_)->queue();
+  Kernel kernel = queue.kernel("scale", "scale", Precision::kFloat);
+  queue.take_work();
+  auto x = queue.array(std::vector<float>(64, 1.0f)), y = queue.array<float>(64);  // waits
+  queue.fill_zero(y);
+  kernel({{64}, {64}, 7}, x, y, 64, Local{4});
+  kernel({{64}, {64}, 3}, x, y, 64, Local{4});
+  kernel({{0}, {64}, 1000}, x, y, 64, Local{4});  // nothing to do
+  const float two = 2;
+  queue.send(x, &two, 1);
+  std::vector<float> early(64), late(64);
+  Arrival arrival = queue.fetch(y, early.data(), early.size());
+  kernel({{64}, {64}}, x, y, 64, Local{4});
+  arrival.wait();
+  arrival.wait();  // is here
+  queue.read(y, late.data(), late.size());
+  const DeviceWork work = queue.take_work();
+  EXPECT_EQ(work.launches, 3u);
+  EXPECT_EQ(work.copies, 3u);
+  EXPECT_EQ(work.waits, 2u);
+  EXPECT_EQ(work.looks, 1u);
+  EXPECT_EQ(work.bytes_to, 65 * sizeof(float));
+  EXPECT_EQ(work.bytes_from, 128 * sizeof(float));
+  EXPECT_EQ(work.longest_chain, 7u);
+  EXPECT_EQ(work.chained, 11u);
+  EXPECT_EQ(queue.take_work().launches, 0u);
+  EXPECT_EQ(early, std::vector<float>(64, 2.0f)) << "in order";
+  EXPECT_EQ(late.front(), 4.0f);
+}
+
+TEST_F(Device_, AProcessorCanBeTakenForAGpu) {
+  options_.as_gpu = true;
+  const auto device = Device::open(options_);
+  EXPECT_TRUE(device->info().gpu);
+  EXPECT_EQ(device->info().width<float>(), 1u);
+  EXPECT_EQ(scaled<float>(*device), (std::vector<float>{2, 4, 6, 8, 10}));
 }
 
 // Each in a process of its own: the environment must be judged before the first OpenCL call.

@@ -267,6 +267,7 @@ KernelProfile measure_kernels(std::size_t device_index, int touches) {
   const service::Queue queue = profiled.device()->queue();
   service::SolidSolver<float> solver(queue, solid_tissue(grid, 0.49, {}));
   const SolidTouch touch{hertz_load(grid)};
+  queue.take_work();
   for (int k = 0; k < touches; ++k) touch.solve(solver, {.relative_error = 0, .max_iterations = 10});
   return profiled.profile(queue, work_of(grid), touches);
 }
