@@ -245,6 +245,37 @@ TEST_F(Device_, CountsWhatItIsAskedFor) {
   EXPECT_EQ(late.front(), 4.0f);
 }
 
+// By a tree or by one item in lanes: nearer to the sum in double than one float chain is, beyond the largest
+// solid.
+TEST_F(Device_, SumsOfAGroupAreTruerThanAChain) {
+  put("added.cl", R"(
+#include "sums.clh"
+kernel OF_GROUP void added(global const accum* restrict x, global accum* restrict y, const int count) {
+  local accum shared[GROUP];
+  const accum sum = sum_of(x, count, shared);
+  y[get_global_id(0)] = sum;
+}
+)");
+  const Queue queue = Device::open(options_)->queue();
+  for (const std::size_t count : {std::size_t{1}, std::size_t{7}, std::size_t{1000}, std::size_t{336'001}}) {
+    std::vector<float> x;
+    for (std::size_t n = 0; n < count; ++n) x.push_back(1 + 0.37f * std::sin(0.7f * static_cast<float>(n)));
+    float chain = 0;
+    double sum = 0;
+    for (const float value : x) chain += value, sum += value;
+    const auto values = queue.array(x);
+    for (const std::size_t group : {1U, 4U, 64U}) {
+      Kernel added = queue.kernel("added", "added", Precision::kFloat, {{"GROUP", std::to_string(group)}});
+      auto y = queue.array<float>(group);
+      added({{group}, {group}}, values, y, static_cast<int>(count));
+      for (const float found : queue.read(y)) {  // every item has it
+        EXPECT_LE(std::abs(found - sum), std::abs(chain - sum) + 2 * 6e-8 * sum) << count << " by " << group;
+        EXPECT_NEAR(found / sum, 1, group == 1 ? 1e-3 : 1e-5) << count << " by " << group;
+      }
+    }
+  }
+}
+
 TEST_F(Device_, AProcessorCanBeTakenForAGpu) {
   options_.as_gpu = true;
   const auto device = Device::open(options_);

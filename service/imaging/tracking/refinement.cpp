@@ -16,6 +16,7 @@ constexpr int kNoiseRadius = 2;           // nodes over which noise and correlat
 constexpr int kBiasRadius = 1;            // BIAS_RADIUS of refinement.cl
 constexpr int kMaxFootprint = 6;          // nodes to each side over which information is averaged
 constexpr int kMaxNoiseLines = 10;        // that the autocorrelations are taken from
+constexpr int kNoiseRun = 256;            // samples that one item adds up; the host, in double, the rest
 constexpr double kRough = 3;  // what a step that another follows may leave over, of what the last may
 
 // A step of strain is smoothed over about the smoothing length, chosen from the data between these limits:
@@ -100,10 +101,12 @@ Refinement::Refinement(const Queue& queue, const PcgOptions& options, const Samp
 
 Autocorrelations Refinement::measure(const ImagePair& images, bool robust, Array<float>& correlation) {
   const int step = std::max(1, images.lines / kMaxNoiseLines), lines = (images.lines - 1) / step + 1;
-  const std::size_t each = 2 * kLags, items = static_cast<std::size_t>(lines) * kLaterals;
+  const auto runs = static_cast<std::size_t>((images.samples + kNoiseRun - 1) / kNoiseRun);
+  const std::size_t each = 2 * kLags, items = runs * static_cast<std::size_t>(lines) * kLaterals;
   if (products_.size() != items * each) products_ = queue_.array<float>(items * each);
-  kernels_->autocorrelation({{static_cast<std::size_t>(lines), kLaterals, 1}, {1, 1, 1}}, images.mean,
-                            images.difference, products_, step, kLaterals, images.samples, images.layout);
+  kernels_->autocorrelation({{static_cast<std::size_t>(lines), kLaterals, runs}, {1, 1, 1}, kNoiseRun},
+                            images.mean, images.difference, products_, step, lines, kLaterals, images.samples,
+                            kNoiseRun, images.layout);
   const std::vector<float> products = queue_.read(products_);
   const std::vector<double> zeros(kLags * kLaterals, 0.0);
   Autocorrelations a{kLags, kLaterals, zeros, zeros};
@@ -125,7 +128,7 @@ void Refinement::gather(const ImagePair& images, bool robust, Array<float>& corr
     weights_[4 + c] = static_cast<float>(noise_model_.spread[c]);
     weights_[6 + c] = static_cast<float>(noise_model_.sensitivity[c]);
   }
-  queue_.write(model_, weights_.data(), weights_.size());
+  queue_.send(model_, weights_.data(), weights_.size());
   queue_.fill_zero(noise_);
   for (int pass = 0; pass < (robust ? 2 : 1); ++pass) {
     kernels_->data_term(over(g.nodes()), images.mean, images.difference, hat_, noise_, terms_, pixels_, g,
@@ -172,7 +175,7 @@ void Refinement::weigh(const Array<float>& field) {
     weights_[c] = static_cast<float>(information * length * length / (dx_m_ * dx_m_));
     weights_[2 + c] = static_cast<float>(information * length * length / (dy_m_ * dy_m_));
   }
-  queue_.write(model_, weights_.data(), weights_.size());
+  queue_.send(model_, weights_.data(), weights_.size());
 }
 
 void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit,
@@ -222,7 +225,7 @@ void Refinement::look_up(const NoiseStructure& noise, const std::vector<int>& ra
   add([](const NoiseResponse& r) { return r.bias_noise(kBiasRadius); });
   add([](const NoiseResponse& r) { return r.bias_over_seen(kBiasRadius); });
   kernels_->edge_bias(over(grid_.nodes()), information_, pull_, bias_, grid_.nx, grid_.ny);
-  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, queue_.array(tables), queue_.array(radii),
+  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, sent(queue_, tables), sent(queue_, radii),
                         information, deviation_m, grid_.nx, grid_.ny,
                         static_cast<float>(noise.response[0].median()),
                         static_cast<float>(noise.response[1].median()), static_cast<float>(line_pitch_m_),
