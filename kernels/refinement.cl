@@ -193,17 +193,6 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void assemble(
   rhs[node] = sum;
 }
 
-// z = D^-1 r, D the nodes' own blocks of the stencil (definite). Items: nodes of one vector.
-__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void solve_nodes(
-    __global const float4* restrict stencil, __global const float2* restrict r, __global float2* restrict z,
-    const int nodes) {
-  const int node = get_global_id(0);
-  if (node >= nodes) return;
-  const float4 d = stencil[4 * nodes + node];
-  const float2 v = r[node];
-  z[node] = (float2)(d.w * v.x - d.y * v.y, d.x * v.y - d.z * v.x) / (d.x * d.w - d.y * d.z);
-}
-
 // field + correction, limited to (lateral, axial).
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void correct(
     __global const float2* restrict field, __global const float2* restrict correction,

@@ -41,29 +41,13 @@ struct Refinement::Kernels {
     autocorrelation = build("autocorrelation"), data_term = build("data_term");
     local_noise = build("local_noise"), local_gradient = build("local_gradient");
     assemble = build("assemble"), correct = build("correct"), edge_pull = build("edge_pull");
-    uncertainty = build("uncertainty"), solve_nodes = build("solve_nodes");
+    uncertainty = build("uncertainty");
     edge_bias = build("edge_bias");
     pulse_sums = q.kernel("pulse", "pulse_sums", Precision::kFloat);
     pulse_noise = q.kernel("pulse", "pulse_noise", Precision::kFloat);
   }
   Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, edge_pull, uncertainty,
-      solve_nodes, edge_bias, pulse_sums, pulse_noise;
-};
-
-// Each node's own 2x2 block, inverted. The smoothing reaches over a few nodes at most, so that a multigrid
-// cycle saves three of four iterations and costs more than it saves.
-class Refinement::NodePreconditioner : public LinearOperator<float> {
- public:
-  NodePreconditioner(Kernel solve_nodes, std::shared_ptr<Array<float>> stencil, int nodes)
-      : solve_nodes_(std::move(solve_nodes)), stencil_(std::move(stencil)), nodes_(nodes) {}
-  void apply(const Array<float>& r, Array<float>& z, std::size_t) override {
-    solve_nodes_(over(nodes_), *stencil_, r, z, nodes_);
-  }
-
- private:
-  Kernel solve_nodes_;
-  std::shared_ptr<Array<float>> stencil_;
-  int nodes_;
+      edge_bias, pulse_sums, pulse_noise;
 };
 
 Refinement::~Refinement() = default;
@@ -78,11 +62,8 @@ Refinement::Refinement(const Queue& queue, const PcgOptions& options, const Samp
       dx_m_(grid.line_step * line_pitch_m),
       dy_m_(grid.sample_step * sample_pitch_m),
       kernels_(std::make_shared<Kernels>(queue)),
-      pcg_(queue, 2 * static_cast<std::size_t>(grid.nodes()), 1, options),
-      stencil_(
-          std::make_shared<Array<float>>(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes())))),
-      operator_(queue, stencil_, static_cast<std::size_t>(grid.nx), static_cast<std::size_t>(grid.ny)),
-      preconditioner_(std::make_unique<NodePreconditioner>(kernels_->solve_nodes, stencil_, grid.nodes())) {
+      gradients_(queue, grid.nx, grid.ny),
+      stencil_(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes()))) {
   const auto nodes = static_cast<std::size_t>(grid.nodes());
   chunks_ = (2 * grid.sample_step + 7) / 8;
   std::vector<float> hat;
@@ -90,7 +71,7 @@ Refinement::Refinement(const Queue& queue, const PcgOptions& options, const Samp
     hat.push_back(static_cast<float>(std::max(0.0, 1 - std::abs(k) / static_cast<double>(grid.sample_step))));
   hat_ = queue.array(hat);
   for (Array<float>* a : {&noise_, &pixels_}) *a = queue.array<float>(nodes);
-  for (Array<float>* a : {&rhs_, &load_, &pull_, &bias_, &correction_, &information_})
+  for (Array<float>* a : {&rhs_, &pull_, &bias_, &correction_, &information_})
     *a = queue.array<float>(2 * nodes);
   terms_ = queue.array<float>(8 * nodes);
   gradient_ = queue.array<float>(4 * nodes);
@@ -181,11 +162,11 @@ void Refinement::weigh(const Array<float>& field) {
 void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit,
                       bool last) {
   weigh(field);
-  kernels_->assemble(over(grid_.nodes()), terms_, noise_, information_, field, gradient_, model_, *stencil_,
+  kernels_->assemble(over(grid_.nodes()), terms_, noise_, information_, field, gradient_, model_, stencil_,
                      rhs_, grid_.nx, grid_.ny);
-  pcg_.options().relative_residual = (last ? 1 : kRough) * options_.relative_residual;
-  queue_.copy(rhs_, load_);
-  solved_ = pcg_.solve(operator_, *preconditioner_, 1, rhs_, load_, correction_).front();
+  PcgOptions options = options_;
+  options.relative_residual *= last ? 1 : kRough;
+  solved_ = gradients_.solve(stencil_, rhs_, correction_, options);
   kernels_->correct(over(grid_.nodes()), field, correction_, out, grid_.nodes(), lateral_limit, axial_limit);
 }
 

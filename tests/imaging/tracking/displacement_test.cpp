@@ -96,8 +96,8 @@ TEST(Displacement, AsksLittleOfTheDevice) {
   queue.take_work();
   estimator.estimate(pre, post, speckle.geometry());
   const DeviceWork work = queue.take_work();
-  EXPECT_LE(work.launches, 450u);
-  EXPECT_LE(work.waits, 25u);
+  EXPECT_LE(work.launches, 160u);
+  EXPECT_LE(work.waits, 20u);
   EXPECT_LE(work.longest_chain, 1024u);
 }
 
