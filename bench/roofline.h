@@ -30,11 +30,20 @@ struct KernelFigures {
   double of_limit = 0;  // 1: at the limit
 };
 
+// Of one run, what its queue asked for (service::DeviceWork), and how long a GPU would take by the model of
+// roofline.cpp: no measurement.
+struct RunWork {
+  double launches = 0, copies = 0, waits = 0, looks = 0, bytes_to = 0, bytes_from = 0;
+  double longest_chain = 0;
+  double model_s = 0;
+};
+
 // The longest kernels first.
 struct KernelProfile {
   std::string device;
   double bytes_s = 0, flops_s = 0;  // at most: float; arithmetic in double has half of it on processors
   std::vector<KernelFigures> kernels;
+  RunWork work{};
 };
 void print(const KernelProfile&);
 
@@ -44,7 +53,7 @@ class ProfiledDevice {
  public:
   explicit ProfiledDevice(std::size_t index);
   const std::shared_ptr<service::Device>& device() const { return device_; }
-  // Of what `queue` has done in `runs`, each.
+  // Of what `queue` has done in `runs`, each; its work since the last take_work().
   KernelProfile profile(const service::Queue& queue, const Works& work, int runs) const;
 
  private:

@@ -247,7 +247,7 @@ kernel void planes_to_vectors(global const real* vectors, global OUTER* z, globa
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void run_steps(
     global const real* constants, global real* vectors, global const int* table, global const OUTER* r,
     global OUTER* z, const int plan, const int from, const int to, const int vectors_size) {
-  const int first = get_local_id(0), q = get_group_id(1);
+  const int first = get_local_id(0), q = get_global_id(1);  // a launch may come in slices
   vectors += q * vectors_size;
   for (int s = from; s < to; ++s) {
     const int step = table[plan + 3 * s], index = table[plan + 3 * s + 1], k = table[plan + 3 * s + 2];

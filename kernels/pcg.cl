@@ -1,6 +1,7 @@
 // Preconditioned conjugate gradients on many right-hand sides at once, every scalar on the device. Vectors:
 // [right-hand side][node] of real2. Scalars: [field][right-hand side], and after the fields three of each
 // iteration; what is counted is exact in any `real`.
+#include "sums.clh"
 
 // Fields of the scalars, as in service/solver/pcg.cpp; the host writes INITIAL and ABSOLUTE.
 #define RZ 0  // r . z
@@ -34,6 +35,17 @@
 #define INDEFINITE 3
 #define NOT_FINITE 4
 
+// Nodes of chunk n, in turns over a work-group's items on a GPU: those next to each other load next to each
+// other.
+#if GROUP == 1
+#define FIRST_OF(n) ((n)*chunk)
+#define APART 1
+#else
+#define FIRST_OF(n) (n)
+#define APART chunks
+#endif
+#define END_OF(n) (GROUP == 1 ? min(((n) + 1) * chunk, nodes) : nodes)
+
 // Two inner products at once, a.b and c.d: each item sums one chunk of nodes. Items: (chunk, right-hand
 // side). partial: [2][right-hand side][chunk]. Reads 8 reals and takes 8 flops per node.
 kernel void dot_two(global const real2* restrict a, global const real2* restrict b,
@@ -42,9 +54,8 @@ kernel void dot_two(global const real2* restrict a, global const real2* restrict
                     const int rhs) {
   const int n = get_global_id(0), q = get_global_id(1);
   if (n >= chunks) return;
-  const int begin = q * nodes + n * chunk, end = q * nodes + min((n + 1) * chunk, nodes);
   real2 first = (real2)(0), second = (real2)(0);
-  for (int m = begin; m < end; ++m) {
+  for (int m = q * nodes + FIRST_OF(n); m < q * nodes + END_OF(n); m += APART) {
     first += a[m] * b[m];
     second += c[m] * d[m];
   }
@@ -52,18 +63,14 @@ kernel void dot_two(global const real2* restrict a, global const real2* restrict
   partial[(rhs + q) * chunks + n] = second.x + second.y;
 }
 
-accum sum_of(global const accum* restrict partial, const int chunks) {
-  accum sum = 0;
-  for (int n = 0; n < chunks; ++n) sum += partial[n];
-  return sum;
-}
-
-// rz, rr of the start; x = 0. Items: right-hand sides, here and below.
-kernel void pcg_begin(global const accum* restrict partial, global real* restrict scalars, const int chunks,
-                      const int rhs) {
-  const int q = get_global_id(0);
-  if (q >= rhs) return;
-  const real rz = sum_of(partial + q * chunks, chunks), rr = sum_of(partial + (rhs + q) * chunks, chunks);
+// rz, rr of the start; x = 0. Groups: right-hand sides, here and below; their first items write.
+kernel OF_GROUP void pcg_begin(global const accum* restrict partial, global real* restrict scalars,
+                               const int chunks, const int rhs) {
+  local accum shared[GROUP];
+  const int q = OWN_GROUP;
+  const real rz = sum_of(partial + q * chunks, chunks, shared),
+             rr = sum_of(partial + (rhs + q) * chunks, chunks, shared);
+  if (get_local_id(0) != 0) return;
   scalars[RZ * rhs + q] = rz;
   scalars[RR * rhs + q] = rr;
   scalars[RR_START * rhs + q] = rr;
@@ -80,12 +87,13 @@ kernel void pcg_begin(global const accum* restrict partial, global real* restric
 }
 
 // alpha = r.z / p.Ap, after dot_two(p, Ap, p, load).
-kernel void pcg_alpha(global const accum* restrict partial, global real* restrict scalars,
-                      const int iteration, const int chunks, const int rhs) {
-  const int q = get_global_id(0);
-  if (q >= rhs) return;
-  const real curvature = sum_of(partial + q * chunks, chunks);
-  const real work = sum_of(partial + (rhs + q) * chunks, chunks);
+kernel OF_GROUP void pcg_alpha(global const accum* restrict partial, global real* restrict scalars,
+                               const int iteration, const int chunks, const int rhs) {
+  local accum shared[GROUP];
+  const int q = OWN_GROUP;
+  const real curvature = sum_of(partial + q * chunks, chunks, shared);
+  const real work = sum_of(partial + (rhs + q) * chunks, chunks, shared);
+  if (get_local_id(0) != 0) return;
   const real rz = scalars[RZ * rhs + q];
   global real* state = scalars + STATE * rhs + q;
   if (*state == RUNNING && !isfinite(curvature)) *state = NOT_FINITE;
@@ -111,13 +119,13 @@ kernel void pcg_update(global const real* restrict scalars, global const real2* 
                        const int rhs) {
   const int n = get_global_id(0), q = get_global_id(1);
   if (n >= chunks) return;
-  const int begin = q * nodes + n * chunk, end = q * nodes + min((n + 1) * chunk, nodes);
+  const int begin = q * nodes + FIRST_OF(n), end = q * nodes + END_OF(n);
   const real alpha = scalars[ALPHA * rhs + q];
   real2 rr = (real2)(0);
   if (alpha == 0)
-    for (int m = begin; m < end; ++m) rr += r[m] * r[m];
+    for (int m = begin; m < end; m += APART) rr += r[m] * r[m];
   else
-    for (int m = begin; m < end; ++m) {
+    for (int m = begin; m < end; m += APART) {
       const real2 left = r[m] - alpha * ap[m];
       x[m] += alpha * p[m];
       r[m] = left;
@@ -145,12 +153,13 @@ real error_estimate(global const real* restrict scalars, const int iteration, co
 }
 
 // The decision to stop, after pcg_update: before the preconditioner is applied again.
-kernel void pcg_judge(global const accum* restrict partial, global real* restrict scalars,
-                      const int iteration, const int delay, const real squared_tolerance,
-                      const real squared_residual_tolerance, const int chunks, const int rhs) {
-  const int q = get_global_id(0);
-  if (q >= rhs || scalars[STATE * rhs + q] != RUNNING) return;
-  const real rr = sum_of(partial + q * chunks, chunks), start = scalars[RR_START * rhs + q];
+kernel OF_GROUP void pcg_judge(global const accum* restrict partial, global real* restrict scalars,
+                               const int iteration, const int delay, const real squared_tolerance,
+                               const real squared_residual_tolerance, const int chunks, const int rhs) {
+  local accum shared[GROUP];
+  const int q = OWN_GROUP;
+  const real rr = sum_of(partial + q * chunks, chunks, shared), start = scalars[RR_START * rhs + q];
+  if (get_local_id(0) != 0 || scalars[STATE * rhs + q] != RUNNING) return;
   const real scale = scalars[INITIAL * rhs + q] + 2 * scalars[WORK * rhs + q] - scalars[DECREASE * rhs + q];
   // Solved to the last digit before there were enough terms to estimate from (tiny problems).
   const bool exhausted = rr <= RESIDUAL_FLOOR * start;
@@ -170,11 +179,12 @@ kernel void pcg_judge(global const accum* restrict partial, global real* restric
 }
 
 // beta = (r.z)_new / (r.z)_old, after dot_two(r, z, r, r).
-kernel void pcg_beta(global const accum* restrict partial, global real* restrict scalars, const int iteration,
-                     const int chunks, const int rhs) {
-  const int q = get_global_id(0);
-  if (q >= rhs) return;
-  const real rz = sum_of(partial + q * chunks, chunks);
+kernel OF_GROUP void pcg_beta(global const accum* restrict partial, global real* restrict scalars,
+                              const int iteration, const int chunks, const int rhs) {
+  local accum shared[GROUP];
+  const int q = OWN_GROUP;
+  const real rz = sum_of(partial + q * chunks, chunks, shared);
+  if (get_local_id(0) != 0) return;
   const bool running = scalars[STATE * rhs + q] == RUNNING;
   const real beta = running ? rz / scalars[RZ * rhs + q] : 0;
   scalars[BETA_OF(iteration) * rhs + q] = beta;

@@ -15,23 +15,24 @@
 #endif
 
 // Autocorrelations of `mean` and `difference` at axial lags 0 .. 8 LAG_VECTORS - 1 and lateral lag q, summed
-// over the samples of every line_step-th line. Items: (line n, q). out[((n laterals + q) 2 + image)
-// 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
+// over `run` samples of every line_step-th line. Items: (line n, q, run r). out[(((r lines + n) laterals + q)
+// 2 + image) 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
     __global const float* restrict mean, __global const float* restrict difference,
-    __global float* restrict out, const int line_step, const int laterals, const int sample_count,
-    const Layout layout) {
-  const int n = get_global_id(0), q = get_global_id(1), stride = layout.stride;
+    __global float* restrict out, const int line_step, const int lines, const int laterals,
+    const int sample_count, const int run, const Layout layout) {
+  const int n = get_global_id(0), q = get_global_id(1), first = run * get_global_id(2),
+            stride = layout.stride;
   __global const float* const m = mean + layout.origin + n * line_step * stride;
   __global const float* const d = difference + (m - mean);
   float8 mm[LAG_VECTORS], dd[LAG_VECTORS];
   for (int v = 0; v < LAG_VECTORS; ++v) mm[v] = dd[v] = (float8)(0.0f);
-  for (int k = 0; k < sample_count; ++k)
+  for (int k = first; k < min(first + run, sample_count); ++k)
     for (int v = 0; v < LAG_VECTORS; ++v) {
       mm[v] = fma((float8)(m[k]), vload8(v, m + q * stride + k), mm[v]);
       dd[v] = fma((float8)(d[k]), vload8(v, d + q * stride + k), dd[v]);
     }
-  __global float* const to = out + (n * laterals + q) * 16 * LAG_VECTORS;
+  __global float* const to = out + ((get_global_id(2) * lines + n) * laterals + q) * 16 * LAG_VECTORS;
   for (int v = 0; v < LAG_VECTORS; ++v) {
     vstore8(mm[v], v, to);
     vstore8(dd[v], LAG_VECTORS + v, to);
@@ -190,17 +191,6 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void assemble(
   }
   stencil[4 * nodes + node] = (float4)(centre.x, cross, cross, centre.y);
   rhs[node] = sum;
-}
-
-// z = D^-1 r, D the nodes' own blocks of the stencil (definite). Items: nodes of one vector.
-__kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void solve_nodes(
-    __global const float4* restrict stencil, __global const float2* restrict r, __global float2* restrict z,
-    const int nodes) {
-  const int node = get_global_id(0);
-  if (node >= nodes) return;
-  const float4 d = stencil[4 * nodes + node];
-  const float2 v = r[node];
-  z[node] = (float2)(d.w * v.x - d.y * v.y, d.x * v.y - d.z * v.x) / (d.x * d.w - d.y * d.z);
 }
 
 // field + correction, limited to (lateral, axial).

@@ -30,7 +30,6 @@ namespace {
 struct Found {
   cl::Device device;
   DeviceInfo info;
-  bool gpu = false;
 };
 
 // OpenCL strings may carry their terminating zero and blanks.
@@ -53,11 +52,12 @@ Found describe(const cl::Platform& platform, const cl::Device& device, std::size
   info.driver_version = trimmed(device.getInfo<CL_DRIVER_VERSION>());
   info.has_double = device.getInfo<CL_DEVICE_DOUBLE_FP_CONFIG>() != 0;
   info.compute_units = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
-  info.vector_bytes = 4 * std::clamp(device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>(), 1U, 16U);
+  info.gpu = (device.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;
+  info.vector_bytes =
+      info.gpu ? 4 : 4 * std::clamp(device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>(), 1U, 16U);
   info.max_group = device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
   info.global_memory_bytes = device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
   info.max_allocation_bytes = device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
-  found.gpu = (device.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;
   return found;
 }
 
@@ -95,7 +95,7 @@ constexpr std::size_t kMaxDevices = 64;
 const Found& choose(const std::vector<Found>& all, const std::string& select, std::size_t match) {
   if (all.empty()) throw DeviceError(no_device());
   if (select.empty() && match == 0) {
-    const auto gpu = std::find_if(all.begin(), all.end(), [](const Found& f) { return f.gpu; });
+    const auto gpu = std::find_if(all.begin(), all.end(), [](const Found& f) { return f.info.gpu; });
     return gpu == all.end() ? all.front() : *gpu;
   }
   const bool number =
@@ -170,6 +170,7 @@ std::shared_ptr<Context> open_context(const DeviceOptions& options) {
     const std::vector<Found> all = find_devices();
     Found found = part_of(choose(all, options.select, options.match), options.part, options.parts);
     found.info.has_double = found.info.has_double && !options.hide_double;
+    if (options.as_gpu) found.info.gpu = true, found.info.vector_bytes = 4;
     if (options.max_array_bytes > 0)
       found.info.max_allocation_bytes = std::min(found.info.max_allocation_bytes, options.max_array_bytes);
     context = std::make_shared<Context>(found.device, found.info, options);

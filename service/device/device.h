@@ -34,6 +34,7 @@ struct DeviceInfo {
   std::size_t index = 0;  // position in list_devices()
   std::string name, vendor, platform, version, driver_version;
   bool has_double = false;
+  bool gpu = false;  // kernels take the ways of a GPU: one number an item, work-groups that share memory
   std::uint32_t compute_units = 0;
   std::uint32_t vector_bytes = 4;  // that an instruction takes at once; of one float on a GPU
   std::size_t max_group = 1;       // work-items in a work-group
@@ -86,6 +87,16 @@ class Array {
 struct Range {
   std::array<std::size_t, 3> global{1, 1, 1};
   std::array<std::size_t, 3> local{1, 1, 1};
+  std::size_t chain = 1;  // terms that one item adds up or eliminates one after the other, for DeviceWork
+};
+
+// What a queue has asked of its device.
+struct DeviceWork {
+  std::uint64_t launches = 0, copies = 0;  // commands that return at once: kernels; copies and fills
+  std::uint64_t waits = 0;                 // calls that return when the device has nothing left to do
+  std::uint64_t looks = 0;                 // waits while it still has: of fetch()
+  std::uint64_t bytes_to = 0, bytes_from = 0;
+  std::uint64_t longest_chain = 0, chained = 0;  // of all launches; the sum of theirs
 };
 
 // Local memory argument of a kernel.
@@ -132,6 +143,18 @@ struct KernelTime {
   double seconds = 0;
 };
 
+struct RawRead;  // cl::Event
+// A read on its way. Its host memory must live until it is here; at the end of its life it waits.
+class Arrival {
+ public:
+  Arrival() = default;
+  void wait();
+
+ private:
+  friend class Queue;
+  std::shared_ptr<RawRead> raw_;
+};
+
 // An in-order command queue. One thread at a time. Several queues may work on one device.
 class Queue {
  public:
@@ -159,6 +182,11 @@ class Queue {
     read(a, host.data(), host.size());
     return host;
   }
+  // As read, but it returns at once. What is asked for next follows while the items are on their way.
+  template <class T>
+  [[nodiscard]] Arrival fetch(const Array<T>& a, T* host, std::size_t count) const {
+    return fetch_bytes(*a.raw_, host, count * sizeof(T));
+  }
   // As write, but it returns at once: a copy is kept until the items have arrived.
   template <class T>
   void send(Array<T>& a, const T* host, std::size_t count, std::size_t offset = 0) const {
@@ -178,6 +206,7 @@ class Queue {
                 const Defines& = {}) const;
   void finish() const;
   std::vector<KernelTime> profile() const;  // empty unless opened with profiling
+  DeviceWork take_work() const;             // since the last time
   const DeviceInfo& info() const;
   Place place() const;  // as its device's
   bool supports(Precision precision) const;
@@ -199,6 +228,7 @@ class Queue {
   std::shared_ptr<RawBuffer> allocate(std::size_t bytes, const void* host) const;
   void write_bytes(RawBuffer&, const void*, std::size_t bytes, std::size_t offset) const;
   void read_bytes(const RawBuffer&, void*, std::size_t bytes, std::size_t offset) const;
+  Arrival fetch_bytes(const RawBuffer&, void*, std::size_t bytes) const;
   void send_bytes(RawBuffer&, const void*, std::size_t bytes, std::size_t offset) const;
   void copy_bytes(const RawBuffer&, RawBuffer&, std::size_t bytes) const;
   void zero_bytes(RawBuffer&, std::size_t bytes) const;
@@ -217,6 +247,7 @@ struct DeviceOptions {
   bool profiling = false;
   std::uint64_t max_array_bytes = 0;  // 0 = what the device allows; less, as tests of full memory must
   bool hide_double = false;           // treat the device as one without double precision, as tests must
+  bool as_gpu = false;                // and a processor as a GPU
   // Nice value of the runtime's worker threads (PoCL), so that touch runs before imaging. PoCL starts them at
   // the process's first use of OpenCL, list_devices() included: it takes effect only when this is that.
   int niceness = 0;

@@ -43,12 +43,20 @@ struct Pace {
   double ahead_s = 0;
 };
 
+struct RawRead {
+  cl::Event event;
+  std::shared_ptr<DeviceWork> work;
+  ~RawRead();  // waits
+};
+
 struct RawKernel {
   cl::Kernel kernel;
   cl::CommandQueue queue;
   std::shared_ptr<LaunchLog> log;
   std::shared_ptr<Pace> pace;
+  std::shared_ptr<DeviceWork> work;
   std::string name;
+  bool of_pocl = false;
   std::size_t device = 0;  // its number
   using Sizes = std::array<std::size_t, 3>;
   struct Measured {
@@ -67,6 +75,7 @@ struct RawKernel {
   // So that no more than some 10 ms are ahead of the queue, and looks up in between.
   void launch_at_pace(const Sizes& global, const Sizes& local);
   void catch_up();
+  void finish();
 };
 
 void count_compile_step();

@@ -72,6 +72,8 @@ void Kernel::set_bytes(unsigned index, const void* data, std::size_t bytes) {
 void Kernel::launch(const Range& range) {
   if (!raw_) throw DeviceError("launch of a kernel that was never built");
   if (range.global[0] == 0) return;
+  raw_->work->chained += range.chain;
+  raw_->work->longest_chain = std::max<std::uint64_t>(raw_->work->longest_chain, range.chain);
   std::array<std::size_t, 3> global{}, local{};
   for (std::size_t d = 0; d < 3; ++d) {
     local[d] = std::max<std::size_t>(1, range.local[d]);
@@ -85,6 +87,7 @@ void Kernel::launch(const Range& range) {
 
 void RawKernel::enqueue(const Sizes& from, const Sizes& global, const Sizes& local) {
   if (!std::exchange(used_before, true)) count_compile_step();
+  ++work->launches;
   guarded("launch of kernel " + name, [&] {
     cl::Event event;
     if (failing >> device & 1) throw cl::Error(CL_DEVICE_NOT_AVAILABLE, "clEnqueueNDRangeKernel");
@@ -99,8 +102,13 @@ void RawKernel::enqueue(const Sizes& from, const Sizes& global, const Sizes& loc
   });
 }
 
-void RawKernel::catch_up() {
+void RawKernel::finish() {
   guarded("waiting for the device", [&] { queue.finish(); });
+  ++work->waits;
+}
+
+void RawKernel::catch_up() {
+  finish();
   pace->ahead_s = 0;
   check_cancelled();
 }
@@ -110,8 +118,9 @@ RawKernel::Cut RawKernel::cut(const Sizes& global, const Sizes& local) {
   for (std::size_t d = 1; d < 3; ++d)
     if (global[d] / local[d] > global[cut.along] / local[cut.along]) cut.along = d;
   cut.groups = global[cut.along] / local[cut.along];
-  cut.max = std::clamp<std::size_t>(kWidestSlice / local[cut.along], 1, cut.groups);
-  if (!cut_before && cut.groups > 1) {  // the two that PoCL compiles: at a warm-up, not within an estimate
+  cut.max = of_pocl ? std::clamp<std::size_t>(kWidestSlice / local[cut.along], 1, cut.groups) : cut.groups;
+  if (of_pocl && !cut_before &&
+      cut.groups > 1) {  // the two that PoCL compiles: at a warm-up, not within an estimate
     cut.max = std::min(cut.max, (cut.groups + 1) / 2);
     cut_before = true;
   }
@@ -148,7 +157,7 @@ void RawKernel::launch_at_pace(const Sizes& global, const Sizes& local) {
         std::min(static_cast<std::size_t>(std::clamp(step, 1.0, double(cut.max))), cut.groups - done);
     const auto slice_begun = std::chrono::steady_clock::now();
     enqueue(cut, done, count, global, local);
-    guarded("waiting for the device", [&] { queue.finish(); });
+    finish();
     const std::chrono::duration<double> slice = std::chrono::steady_clock::now() - slice_begun;
     took_s += slice.count();
     done += count;
@@ -176,6 +185,7 @@ Queue::State::~State() {
 }
 
 void Queue::State::arrived() {
+  ++work->waits;
   sent.clear();
   sent_bytes = 0;
   pace->ahead_s = 0;
@@ -196,6 +206,8 @@ Kernel Queue::kernel(std::string_view source, std::string_view name, Precision p
   kernel.raw_->queue = state_->queue;
   kernel.raw_->log = state_->log;
   kernel.raw_->pace = state_->pace;
+  kernel.raw_->work = state_->work;
+  kernel.raw_->of_pocl = state_->context->info().platform == "Portable Computing Language";
   kernel.raw_->name = name;
   kernel.raw_->device = state_->context->options().number;
   return kernel;
@@ -215,6 +227,7 @@ std::shared_ptr<RawBuffer> Queue::allocate(std::size_t bytes, const void* host) 
     return cl::Buffer(state_->context->cl(), CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR, bytes,
                       const_cast<void*>(host));
   });
+  if (host && bytes > 0) ++state_->work->waits, state_->work->bytes_to += bytes;
   raw->bytes = bytes;
   raw->held = state_->context->held_bytes();
   *raw->held += bytes;
@@ -225,6 +238,7 @@ void Queue::write_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, 
   check_range(buffer, bytes, offset);
   if (bytes == 0) return;
   const auto* from = static_cast<const std::byte*>(host);
+  state_->work->bytes_to += bytes;
   state_->in_pieces(bytes, [&](std::size_t first, std::size_t count) {
     guarded("writing to the device", [&] {
       state_->queue.enqueueWriteBuffer(buffer.buffer, CL_TRUE, offset + first, count, from + first);
@@ -240,6 +254,8 @@ void Queue::send_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, s
   const auto* from = static_cast<const std::byte*>(host);
   const std::vector<std::byte>& copy = state_->sent.emplace_back(from, from + bytes);
   state_->sent_bytes += bytes;
+  state_->work->bytes_to += bytes;
+  ++state_->work->copies;
   guarded("writing to the device",
           [&] { state_->queue.enqueueWriteBuffer(buffer.buffer, CL_FALSE, offset, bytes, copy.data()); });
 }
@@ -248,6 +264,7 @@ void Queue::read_bytes(const RawBuffer& buffer, void* host, std::size_t bytes, s
   check_range(buffer, bytes, offset);
   if (bytes == 0) return;
   auto* to = static_cast<std::byte*>(host);
+  state_->work->bytes_from += bytes;
   state_->in_pieces(bytes, [&](std::size_t first, std::size_t count) {
     guarded("reading from the device", [&] {
       state_->queue.enqueueReadBuffer(buffer.buffer, CL_TRUE, offset + first, count, to + first);
@@ -256,10 +273,42 @@ void Queue::read_bytes(const RawBuffer& buffer, void* host, std::size_t bytes, s
   });
 }
 
+Arrival Queue::fetch_bytes(const RawBuffer& buffer, void* host, std::size_t bytes) const {
+  check_range(buffer, bytes, 0);
+  Arrival arrival;
+  if (bytes == 0) return arrival;
+  auto raw = std::make_shared<RawRead>();
+  guarded("reading from the device", [&] {
+    state_->queue.enqueueReadBuffer(buffer.buffer, CL_FALSE, 0, bytes, host, nullptr, &raw->event);
+    state_->queue.flush();
+  });
+  raw->work = state_->work;
+  state_->work->bytes_from += bytes;
+  ++state_->work->copies;
+  arrival.raw_ = std::move(raw);
+  return arrival;
+}
+
+RawRead::~RawRead() {
+  if (event()) try {
+      event.wait();
+    } catch (const cl::Error&) {  // a lost device writes nothing any more
+    }
+}
+
+void Arrival::wait() {
+  if (!raw_) return;
+  guarded("reading from the device", [&] { raw_->event.wait(); });
+  ++raw_->work->looks;
+  raw_.reset();
+  check_cancelled();
+}
+
 void Queue::copy_bytes(const RawBuffer& from, RawBuffer& to, std::size_t bytes) const {
   check_range(from, bytes, 0);
   check_range(to, bytes, 0);
   if (bytes == 0) return;
+  ++state_->work->copies;
   guarded("copying on the device",
           [&] { state_->queue.enqueueCopyBuffer(from.buffer, to.buffer, 0, 0, bytes); });
 }
@@ -267,6 +316,7 @@ void Queue::copy_bytes(const RawBuffer& from, RawBuffer& to, std::size_t bytes) 
 void Queue::zero_bytes(RawBuffer& buffer, std::size_t bytes) const {
   if (bytes == 0) return;
   state_->in_pieces(bytes, [&](std::size_t first, std::size_t count) {
+    ++state_->work->copies;
     guarded("filling on the device", [&] {
       if (count % 4 == 0)
         state_->queue.enqueueFillBuffer(buffer.buffer, cl_uint{0}, first, count);
@@ -287,6 +337,10 @@ std::vector<KernelTime> Queue::profile() const {
   std::vector<KernelTime> times;
   for (const auto& [name, time] : state_->log->totals) times.push_back(time);
   return times;
+}
+
+DeviceWork Queue::take_work() const {
+  return std::exchange(*state_->work, DeviceWork{});
 }
 
 const DeviceInfo& Queue::info() const {

@@ -17,11 +17,12 @@ struct Queue::State {
   std::shared_ptr<Context> context;
   std::shared_ptr<LaunchLog> log;
   std::shared_ptr<Pace> pace = std::make_shared<Pace>();
+  std::shared_ptr<DeviceWork> work = std::make_shared<DeviceWork>();
   cl::CommandQueue queue;
   MemoryAccount account;
   std::vector<std::vector<std::byte>> sent;  // copies of what may still be on its way to the device
   std::size_t sent_bytes = 0;
-  void arrived();  // all of it, as after a blocking command; looks up
+  void arrived();  // all of it, as after a blocking command; counts the wait and looks up
   // On a thread that looks up no more is moved at once than takes some milliseconds.
   void in_pieces(std::size_t bytes, const std::function<void(std::size_t first, std::size_t count)>& move);
 };

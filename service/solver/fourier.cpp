@@ -31,7 +31,7 @@ std::vector<T> roots_of_one(std::size_t count) {
 template <class T>
 std::size_t group_of(const Queue& queue, FourierKernels kernels) {
   if (kernels == FourierKernels::kItems) return 0;
-  if (kernels == FourierKernels::kOfDevice && queue.info().width<T>() > 1) return 0;
+  if (kernels == FourierKernels::kOfDevice && !queue.info().gpu) return 0;
   const std::size_t group = std::min<std::size_t>(256, std::bit_floor(queue.info().max_group));
   return 4 * group < kLargest ? 0 : group;
 }
@@ -47,11 +47,11 @@ Fourier<T>::Fourier(const Queue& queue, std::size_t nx, std::size_t nz, std::siz
                                 " are not powers of two, 2 to 512 by 1 to 512");
   group_ = group_of<T>(queue, kernels);
   roots_ = queue.array(roots_of_one<T>(std::max(nx, nz)));
-  Defines defines{{"NX", std::to_string(nx)}, {"NZ", std::to_string(nz)}};
+  defines_ = {{"NX", std::to_string(nx)}, {"NZ", std::to_string(nz)}};
   if (group_ > 0) {
-    defines["GROUP"] = std::to_string(group_);
+    defines_["GROUP"] = std::to_string(group_);
     const auto get = [&](const char* name) {
-      return queue.kernel("fourier_groups", name, precision_of<T>, defines);
+      return queue.kernel("fourier_groups", name, precision_of<T>, defines_);
     };
     forward_ = get("rows_forward");
     backward_ = get("rows_backward");
@@ -59,9 +59,9 @@ Fourier<T>::Fourier(const Queue& queue, std::size_t nx, std::size_t nz, std::siz
   } else {
     const std::size_t width = std::min({std::bit_floor(queue.info().width<T>()), std::size_t{16}, nx / 2});
     at_once_ = std::max<std::size_t>(1, width / nz);
-    defines["WIDTH"] = std::to_string(width);
-    forward_ = queue.kernel("fourier", "forward", precision_of<T>, defines);
-    backward_ = queue.kernel("fourier", "backward", precision_of<T>, defines);
+    defines_["WIDTH"] = std::to_string(width);
+    forward_ = queue.kernel("fourier", "forward", precision_of<T>, defines_);
+    backward_ = queue.kernel("fourier", "backward", precision_of<T>, defines_);
   }
 }
 
@@ -77,12 +77,16 @@ void Fourier<T>::check(const Array<T>& field, const Array<T>& spectrum, std::siz
 }
 
 template <class T>
+Range Fourier<T>::over_rows(std::size_t count) const {
+  if (group_ == 0) return {{(count + at_once_ - 1) / at_once_}, {1}};
+  const std::size_t lines = 4 * group_ / (nx_ / 2);  // of a group
+  return {{(count * nz_ + lines - 1) / lines * group_}, {group_}};
+}
+
+template <class T>
 void Fourier<T>::rows(Kernel& kernel, const Array<T>& from, const Array<T>& to, std::size_t first,
                       std::size_t count) {
-  const std::size_t lines = 4 * group_ / (nx_ / 2);  // of a group
-  const Range range = group_ > 0 ? Range{{(count * nz_ + lines - 1) / lines * group_}, {group_}}
-                                 : Range{{(count + at_once_ - 1) / at_once_}, {1}};
-  kernel(range, from, to, roots_, static_cast<int>(first), static_cast<int>(count));
+  kernel(over_rows(count), from, to, roots_, static_cast<int>(first), static_cast<int>(count));
 }
 
 template <class T>

@@ -33,14 +33,21 @@ class Fourier {
   // The inverse of forward, 1 / (nx nz) included; uses these planes of the spectrum up. It must be that of a
   // real field: X(kx, -kz) conjugate to X(kx, kz) at kx = 0 and nx/2.
   void backward(Array<T>& spectrum, Array<T>& field, std::size_t first, std::size_t count);
+  // For kernels that include fourier_lines.clh, of work-groups, or else fourier_items.clh.
+  std::size_t group() const { return group_; }  // items in a work-group; 0: kernels of items
+  const Defines& defines() const { return defines_; }
+  const Array<T>& roots() const { return roots_; }
+  Range over_rows(std::size_t count) const;  // of so many planes
+  // Columns of planes whose rows are done, in place. Does nothing where items do both.
+  void columns(Array<T>& spectrum, std::size_t first, std::size_t count, bool inverse);
 
  private:
   void check(const Array<T>& field, const Array<T>& spectrum, std::size_t first, std::size_t count) const;
   void rows(Kernel&, const Array<T>& from, const Array<T>& to, std::size_t first, std::size_t count);
-  void columns(Array<T>& spectrum, std::size_t first, std::size_t count, bool inverse);
   std::size_t nx_, nz_, planes_;
-  std::size_t group_ = 0;                // items in a work-group; 0: kernels of items
-  std::size_t at_once_ = 1;              // planes of an item
+  std::size_t group_ = 0;
+  std::size_t at_once_ = 1;  // planes of an item
+  Defines defines_;
   Array<T> roots_;                       // kernels/fourier.clh
   Kernel forward_, backward_, columns_;  // of groups: of rows, rows, columns
 };

@@ -40,28 +40,21 @@ Array<T> converted(const Queue& queue, const Array<S>& from) {
   return to;
 }
 
-template <class W>
-bool on_processor(const Queue& queue) {
-  return queue.info().width<W>() > 1;
-}
-
 // A level of at most so many nodes is worked on by one work-group: launches would cost more than they share
 // out.
-template <class W>
 std::size_t small_level(const Queue& queue) {
-  return on_processor<W>(queue) ? 4000 : 1100;
+  return queue.info().gpu ? 1100 : 4000;
 }
 
 // That work-group. A processor runs the items of a group one after the other: one does it all.
-template <class W>
 std::size_t group_of(const Queue& queue) {
-  return on_processor<W>(queue) ? 1 : std::min<std::size_t>(256, queue.info().max_group);
+  return queue.info().gpu ? std::min<std::size_t>(256, queue.info().max_group) : 1;
 }
 
 template <class T, class W>
 Defines defines_of(const Queue& queue) {
   return {{"WIDTH", std::to_string(queue.info().width<W>())},
-          {"GROUP", std::to_string(group_of<W>(queue))},
+          {"GROUP", std::to_string(group_of(queue))},
           {"OUTER", sizeof(T) == sizeof(double) ? "double" : "float"}};
 }
 
@@ -96,7 +89,7 @@ Multigrid<T, W>::Multigrid(const Queue& queue, const NodeLines& lines)
   layout_ = lay_out(lines_, transfers_, queue.info().width<W>(), 2 * steps_.size());
   plan_ = plan_cycle(levels(), steps_.size());
   while (first_small_ + 1 < levels() &&
-         (smooths_lines() || lines_[first_small_].nodes() > small_level<W>(queue)))
+         (smooths_lines() || lines_[first_small_].nodes() > small_level(queue)))
     ++first_small_;
   std::vector<int> table = layout_.table;
   for (const PlannedStep& s : plan_) table.insert(table.end(), {static_cast<int>(s.step), s.level, s.k});
@@ -248,7 +241,7 @@ void Multigrid<T, W>::reserve(std::size_t count) {
 template <class T, class W>
 void Multigrid<T, W>::apply(const Array<T>& r, Array<T>& z, std::size_t count) {
   reserve(count);
-  const std::size_t group = group_of<W>(queue_);
+  const std::size_t group = group_of(queue_);
   for (std::size_t s = 0; s < plan_.size();) {
     const auto small = [&](std::size_t at) {
       return at < plan_.size() && static_cast<std::size_t>(plan_[at].level) >= first_small_;
@@ -272,7 +265,7 @@ void Multigrid<T, W>::launch(const PlannedStep& s, const Array<T>& r, Array<T>& 
   const std::size_t width = queue_.info().width<W>(), span = static_cast<std::size_t>(level.span());
   const Range over_nodes{{(span + width - 1) / width, count}, {width > 1 ? 8U : 64U}};
   const auto by_rows = [&](const LevelLayout& of) -> Range {  // kernels/levels.clh, row_items
-    if (on_processor<W>(queue_)) return {{static_cast<std::size_t>(of.ny), count}, {4}};
+    if (width > 1) return {{static_cast<std::size_t>(of.ny), count}, {4}};
     return {{static_cast<std::size_t>(of.span()), count}, {64}};
   };
   const auto next = [&] { return by_rows(layout_.levels[static_cast<std::size_t>(s.level) + 1]); };

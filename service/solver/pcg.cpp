@@ -1,10 +1,12 @@
 #include "service/solver/pcg.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <span>
 #include <stdexcept>
+#include <string>
 
 namespace teletact::service {
 namespace {
@@ -26,7 +28,7 @@ enum History : std::size_t { kAlphaOf = 1, kBetaOf = 2, kHistory = 3 };
 // Nodes that one work item sums, and the most partial sums of one right-hand side.
 constexpr std::size_t kSmallestChunk = 32, kMaxChunks = 1024;
 
-constexpr std::size_t kLocal = 64;  // work-group size over nodes
+constexpr std::size_t kLocal = 64;  // work-group size over nodes, and that sums up chunks on a GPU
 
 // Whether the tridiagonal matrix less `shift` is positive definite: all pivots of its LDL^T are positive.
 bool positive_definite(const std::vector<double>& diagonal, const std::vector<double>& squared_off,
@@ -82,7 +84,9 @@ Pcg<T>::Pcg(const Queue& queue, std::size_t unknowns, std::size_t count, const P
     throw std::invalid_argument("PcgOptions: max_iterations and look_every must be at least 1");
   chunk_ = std::max(kSmallestChunk, (nodes_ + kMaxChunks - 1) / kMaxChunks);
   chunks_ = (nodes_ + chunk_ - 1) / chunk_;
-  const auto get = [&](const char* name) { return queue.kernel("pcg", name, precision_of<T>); };
+  group_ = queue.info().gpu ? kLocal : 1;
+  const Defines defines{{"GROUP", std::to_string(group_)}};
+  const auto get = [&](const char* name) { return queue.kernel("pcg", name, precision_of<T>, defines); };
   dot_ = get("dot_two");
   begin_ = get("pcg_begin");
   alpha_ = get("pcg_alpha");
@@ -94,12 +98,20 @@ Pcg<T>::Pcg(const Queue& queue, std::size_t unknowns, std::size_t count, const P
   partial_ = queue.array<T>(2 * chunks_ * count);
 }
 
+// A work-group for each right-hand side, which adds up its partial sums.
+template <class T>
+Range Pcg<T>::over_each(std::size_t count) const {
+  return {{group_ * count},
+          {group_},
+          group_ > 1 ? chunks_ / (2 * group_) + std::bit_width(group_) : chunks_ / 16 + 20};
+}
+
 // Partial sums of a.b and c.d.
 template <class T>
 void Pcg<T>::dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, const Array<T>& d,
                      std::size_t count) {
-  dot_({{chunks_, count}, {16}}, a, b, c, d, partial_, static_cast<int>(nodes_), static_cast<int>(chunk_),
-       static_cast<int>(chunks_), static_cast<int>(count));
+  dot_({{chunks_, count}, {local_of_chunks()}, chunk_}, a, b, c, d, partial_, static_cast<int>(nodes_),
+       static_cast<int>(chunk_), static_cast<int>(chunks_), static_cast<int>(count));
 }
 
 template <class T>
@@ -118,7 +130,7 @@ void Pcg<T>::begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T
   queue_.fill_zero(x);
   preconditioner.apply(r, z_, count);
   dot_two(r, z_, r, r, count);
-  begin_({{count}, {1}}, partial_, scalars_, static_cast<int>(chunks_), static_cast<int>(count));
+  begin_(over_each(count), partial_, scalars_, static_cast<int>(chunks_), static_cast<int>(count));
   direction_({{nodes_, count}, {kLocal}}, scalars_, z_, p_, static_cast<int>(nodes_),
              static_cast<int>(count));
 }
@@ -126,7 +138,7 @@ void Pcg<T>::begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T
 template <class T>
 void Pcg<T>::advance(LinearOperator<T>& a, std::size_t iteration, std::size_t count, Array<T>& r,
                      const Array<T>& load, Array<T>& x) {
-  const Range each{{count}, {1}}, all{{chunks_, count}, {16}};
+  const Range each = over_each(count), all{{chunks_, count}, {local_of_chunks()}, chunk_};
   const int k = static_cast<int>(iteration), rhs = static_cast<int>(count);
   const int nodes = static_cast<int>(nodes_), chunk = static_cast<int>(chunk_);
   const int chunks = static_cast<int>(chunks_);
@@ -149,7 +161,7 @@ void Pcg<T>::turn(LinearOperator<T>& preconditioner, std::size_t iteration, std:
   preconditioner.apply(r, z_, count);
   // beta = (r.z)_new / (r.z)_old
   dot_two(r, z_, r, r, count);
-  beta_({{count}, {1}}, partial_, scalars_, static_cast<int>(iteration), static_cast<int>(chunks_), rhs);
+  beta_(over_each(count), partial_, scalars_, static_cast<int>(iteration), static_cast<int>(chunks_), rhs);
   // p = z + beta p
   direction_({{nodes_, count}, {kLocal}}, scalars_, z_, p_, static_cast<int>(nodes_), rhs);
 }

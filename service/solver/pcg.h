@@ -75,7 +75,9 @@ class Pcg {
   void dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, const Array<T>& d, std::size_t count);
   Queue queue_;
   PcgOptions options_;
-  std::size_t nodes_, capacity_, chunk_, chunks_;
+  Range over_each(std::size_t count) const;
+  std::size_t local_of_chunks() const { return group_ > 1 ? group_ : 16; }
+  std::size_t nodes_, capacity_, chunk_, chunks_, group_;
   Kernel dot_, begin_, alpha_, update_, judge_, beta_, direction_;
   Array<T> z_, p_, ap_, partial_, scalars_;
 };

@@ -21,7 +21,7 @@ std::string why_refused(const std::vector<std::string>& selections) {
 
 // Most GPUs cannot: a processor that cannot is a failure.
 bool is_gpu() {
-  return list_devices().at(0).width<float>() == 1;
+  return list_devices().at(0).gpu;
 }
 
 // The first device in as many parts as can be.

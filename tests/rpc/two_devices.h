@@ -11,7 +11,7 @@ namespace teletact::service {
 inline std::vector<DeviceOptions> two_devices() {
   rpc_device();  // the first to use OpenCL: its niceness is everybody's
   const DeviceInfo whole = list_devices().front();
-  if (whole.width<float>() > 1 && whole.compute_units > 1) return choose_devices({"0/2"}, {});
+  if (!whole.gpu && whole.compute_units > 1) return choose_devices({"0/2"}, {});
   std::vector<DeviceOptions> twice(2);  // on one core, or a GPU: most cannot be cut
   twice[1].number = 1;
   return twice;

@@ -16,6 +16,14 @@ inline std::shared_ptr<Device> test_device() {
   return device;
 }
 
+// The same, taken for a GPU: work-groups, one number an item.
+inline std::shared_ptr<Device> test_gpu() {
+  DeviceOptions options;
+  options.as_gpu = true;
+  static const std::shared_ptr<Device> device = Device::open(options);
+  return device;
+}
+
 struct BlockStencil {
   std::size_t nx = 0, ny = 0;
   std::vector<double> blocks;      // [9][ny][nx][4]

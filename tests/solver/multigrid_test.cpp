@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "service/device/cancellation.h"
 #include "service/solver/linear_operator.h"
 #include "service/solver/smoother.h"
 #include "tests/solver/block_stencil.h"
@@ -334,6 +335,26 @@ TYPED_TEST(Multigrid_, WhatIsNotANumberDoesNotStay) {
   EXPECT_EQ(beside.col(1), expected.col(1));
   m.apply(upload<T>(this->queue_, x), z, 2);
   EXPECT_EQ(download(this->queue_, z, 2), expected);
+}
+
+// On a thread that looks up, launches come in slices, the first of a kernel always.
+TEST(Multigrid, InSlicesItIsTheSame) {
+  constexpr std::size_t kVectors = 32;
+  const BlockStencil s = random_stencil(40, 30, 10, 1);
+  const MatrixXd r = random_vectors(s, kVectors, 3);
+  const Queue queue = test_device()->queue();
+  const auto stencil = queue.array(s.as<float>());
+  const auto cycle = [&] {
+    Multigrid<float> m(queue, even(40, 30));
+    m.set_operator(stencil, s.free);
+    const auto from = upload<float>(queue, r);
+    auto to = queue.array<float>(from.size());
+    m.apply(from, to, kVectors);
+    return queue.read(to);
+  };
+  const std::vector<float> whole = cycle();
+  const CancellationCheck check([] {});
+  EXPECT_EQ(cycle(), whole);
 }
 
 TYPED_TEST(Multigrid_, SmallGridIsSolvedExactly) {

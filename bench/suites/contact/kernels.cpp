@@ -78,6 +78,7 @@ KernelProfile measure_kernels(const ContactProblem& p, std::size_t device_index,
                                    solver_options);
   std::vector<double> load(p.tissue.grid.dofs(), 0.0);
   for (const std::size_t dof : p.contact_dofs) load[dof] = 1;
+  solver.queue().take_work();
   for (int k = 0; k < touches; ++k) {
     std::vector<double> u(load.size(), 0.0);
     solver.solve(1, load, u);

@@ -54,6 +54,7 @@ KernelProfile measure_device(const service::DeviceInfo& info, const Phantom& p, 
   service::DisplacementEstimator displacement(queue, {});
   service::StrainEstimator strain(queue, {});
   const int pairs = quick ? 2 : 10;
+  queue.take_work();
   for (int k = 0; k < pairs; ++k) {
     const service::DisplacementEstimate e = displacement.estimate(p.pre, p.post, p.geometry);
     strain.estimate(e, service::image_grid(e.grid, p.geometry));

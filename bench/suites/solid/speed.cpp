@@ -252,11 +252,10 @@ Works work_of(const service::SolidGrid& grid) {
   const double columns = double(grid.columns());
   const Work transform{3 * field + spectrum, planes * 2.5 * columns * std::log2(columns)};
   return {{"solid_apply", {7 * field, 1152 * nodes}},
+          {"solid_advance", {13 * field, 1158 * nodes}},
           {"solid_direction", {9 * field, 6 * nodes}},
-          {"solid_dot", {6 * field, 6 * nodes}},
-          {"solid_step", {18 * field, 12 * nodes}},
-          {"forward", transform},
-          {"backward", transform},
+          {"step_forward", {transform.bytes + 15 * field, transform.flops + 12 * nodes}},
+          {"backward_dot", {transform.bytes + 3 * field, transform.flops + 6 * nodes}},
           {"layers_up", {2 * spectrum + 9 * blocks, 36 * waves}},
           {"layers_down", {2 * spectrum + 15 * blocks, 66 * waves}}};
 }
@@ -267,6 +266,7 @@ KernelProfile measure_kernels(std::size_t device_index, int touches) {
   const service::Queue queue = profiled.device()->queue();
   service::SolidSolver<float> solver(queue, solid_tissue(grid, 0.49, {}));
   const SolidTouch touch{hertz_load(grid)};
+  queue.take_work();
   for (int k = 0; k < touches; ++k) touch.solve(solver, {.relative_error = 0, .max_iterations = 10});
   return profiled.profile(queue, work_of(grid), touches);
 }

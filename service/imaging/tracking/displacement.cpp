@@ -198,7 +198,7 @@ void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {
 void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
   Workspace& w = *work_;
   const MatchedFilter filter = matched_filter(a, kFilterSamples, kFilterLines);
-  const Array<float> axial = queue_.array(filter.axial), lateral = queue_.array(filter.lateral);
+  const Array<float> axial = sent(queue_, filter.axial), lateral = sent(queue_, filter.lateral);
   const Range range = over_samples(8);
   const auto both = [&](const Array<float>& from, Array<float>& to) {  // `mean` is free between two steps
     kernels_->filter_lines(range, from, w.mean, axial, kFilterSamples, 1, w.plan.samples, w.pad.layout);
@@ -224,11 +224,11 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
     std::vector<EchoSpan> lines = find_echoes(frame, geometry).lines;
     for (EchoSpan& span : lines) span.first = std::max(span.first, std::min(first, span.end));
     queue_.write(image, padded(frame, w.pad, lines).data(), w.pad.total);
-    queue_.write(spans, lines.data(), lines.size());
+    queue_.send(spans, lines.data(), lines.size());
     if (&frame == &pre) w.heard = lines;
     lines = away_from_silence(lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
                               half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
-    queue_.write(inner, lines.data(), lines.size());
+    queue_.send(inner, lines.data(), lines.size());
   };
   load(pre, w.frames.pre, w.pre_spans, w.pre_inner);
   load(post, w.frames.post, w.post_spans, w.post_inner);

@@ -73,7 +73,7 @@ void StrainEstimator::propagate(const DisplacementEstimate& displacement, const 
   const int nx = static_cast<int>(grid.nx), ny = static_cast<int>(grid.ny);
   Array<float> rest = queue_.array<float>(3 * grid.size());
   rest_(over(grid.size()), out.tensor, out.trusted, rest, nx, ny, half_columns, half_rows);
-  deviation_(over(grid.size()), displacement.information, out.tensor, rest, queue_.array(tables), out.std, nx,
+  deviation_(over(grid.size()), displacement.information, out.tensor, rest, sent(queue_, tables), out.std, nx,
              ny, half_columns, half_rows, static_cast<float>(noise.response[0].median()),
              static_cast<float>(noise.response[1].median()));
 }

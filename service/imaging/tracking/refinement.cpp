@@ -16,6 +16,7 @@ constexpr int kNoiseRadius = 2;           // nodes over which noise and correlat
 constexpr int kBiasRadius = 1;            // BIAS_RADIUS of refinement.cl
 constexpr int kMaxFootprint = 6;          // nodes to each side over which information is averaged
 constexpr int kMaxNoiseLines = 10;        // that the autocorrelations are taken from
+constexpr int kNoiseRun = 256;            // samples that one item adds up; the host, in double, the rest
 constexpr double kRough = 3;  // what a step that another follows may leave over, of what the last may
 
 // A step of strain is smoothed over about the smoothing length, chosen from the data between these limits:
@@ -40,29 +41,13 @@ struct Refinement::Kernels {
     autocorrelation = build("autocorrelation"), data_term = build("data_term");
     local_noise = build("local_noise"), local_gradient = build("local_gradient");
     assemble = build("assemble"), correct = build("correct"), edge_pull = build("edge_pull");
-    uncertainty = build("uncertainty"), solve_nodes = build("solve_nodes");
+    uncertainty = build("uncertainty");
     edge_bias = build("edge_bias");
     pulse_sums = q.kernel("pulse", "pulse_sums", Precision::kFloat);
     pulse_noise = q.kernel("pulse", "pulse_noise", Precision::kFloat);
   }
   Kernel autocorrelation, data_term, local_noise, local_gradient, assemble, correct, edge_pull, uncertainty,
-      solve_nodes, edge_bias, pulse_sums, pulse_noise;
-};
-
-// Each node's own 2x2 block, inverted. The smoothing reaches over a few nodes at most, so that a multigrid
-// cycle saves three of four iterations and costs more than it saves.
-class Refinement::NodePreconditioner : public LinearOperator<float> {
- public:
-  NodePreconditioner(Kernel solve_nodes, std::shared_ptr<Array<float>> stencil, int nodes)
-      : solve_nodes_(std::move(solve_nodes)), stencil_(std::move(stencil)), nodes_(nodes) {}
-  void apply(const Array<float>& r, Array<float>& z, std::size_t) override {
-    solve_nodes_(over(nodes_), *stencil_, r, z, nodes_);
-  }
-
- private:
-  Kernel solve_nodes_;
-  std::shared_ptr<Array<float>> stencil_;
-  int nodes_;
+      edge_bias, pulse_sums, pulse_noise;
 };
 
 Refinement::~Refinement() = default;
@@ -77,11 +62,8 @@ Refinement::Refinement(const Queue& queue, const PcgOptions& options, const Samp
       dx_m_(grid.line_step * line_pitch_m),
       dy_m_(grid.sample_step * sample_pitch_m),
       kernels_(std::make_shared<Kernels>(queue)),
-      pcg_(queue, 2 * static_cast<std::size_t>(grid.nodes()), 1, options),
-      stencil_(
-          std::make_shared<Array<float>>(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes())))),
-      operator_(queue, stencil_, static_cast<std::size_t>(grid.nx), static_cast<std::size_t>(grid.ny)),
-      preconditioner_(std::make_unique<NodePreconditioner>(kernels_->solve_nodes, stencil_, grid.nodes())) {
+      gradients_(queue, grid.nx, grid.ny),
+      stencil_(queue.array<float>(36 * static_cast<std::size_t>(grid.nodes()))) {
   const auto nodes = static_cast<std::size_t>(grid.nodes());
   chunks_ = (2 * grid.sample_step + 7) / 8;
   std::vector<float> hat;
@@ -89,7 +71,7 @@ Refinement::Refinement(const Queue& queue, const PcgOptions& options, const Samp
     hat.push_back(static_cast<float>(std::max(0.0, 1 - std::abs(k) / static_cast<double>(grid.sample_step))));
   hat_ = queue.array(hat);
   for (Array<float>* a : {&noise_, &pixels_}) *a = queue.array<float>(nodes);
-  for (Array<float>* a : {&rhs_, &load_, &pull_, &bias_, &correction_, &information_})
+  for (Array<float>* a : {&rhs_, &pull_, &bias_, &correction_, &information_})
     *a = queue.array<float>(2 * nodes);
   terms_ = queue.array<float>(8 * nodes);
   gradient_ = queue.array<float>(4 * nodes);
@@ -100,10 +82,12 @@ Refinement::Refinement(const Queue& queue, const PcgOptions& options, const Samp
 
 Autocorrelations Refinement::measure(const ImagePair& images, bool robust, Array<float>& correlation) {
   const int step = std::max(1, images.lines / kMaxNoiseLines), lines = (images.lines - 1) / step + 1;
-  const std::size_t each = 2 * kLags, items = static_cast<std::size_t>(lines) * kLaterals;
+  const auto runs = static_cast<std::size_t>((images.samples + kNoiseRun - 1) / kNoiseRun);
+  const std::size_t each = 2 * kLags, items = runs * static_cast<std::size_t>(lines) * kLaterals;
   if (products_.size() != items * each) products_ = queue_.array<float>(items * each);
-  kernels_->autocorrelation({{static_cast<std::size_t>(lines), kLaterals, 1}, {1, 1, 1}}, images.mean,
-                            images.difference, products_, step, kLaterals, images.samples, images.layout);
+  kernels_->autocorrelation({{static_cast<std::size_t>(lines), kLaterals, runs}, {1, 1, 1}, kNoiseRun},
+                            images.mean, images.difference, products_, step, lines, kLaterals, images.samples,
+                            kNoiseRun, images.layout);
   const std::vector<float> products = queue_.read(products_);
   const std::vector<double> zeros(kLags * kLaterals, 0.0);
   Autocorrelations a{kLags, kLaterals, zeros, zeros};
@@ -125,7 +109,7 @@ void Refinement::gather(const ImagePair& images, bool robust, Array<float>& corr
     weights_[4 + c] = static_cast<float>(noise_model_.spread[c]);
     weights_[6 + c] = static_cast<float>(noise_model_.sensitivity[c]);
   }
-  queue_.write(model_, weights_.data(), weights_.size());
+  queue_.send(model_, weights_.data(), weights_.size());
   queue_.fill_zero(noise_);
   for (int pass = 0; pass < (robust ? 2 : 1); ++pass) {
     kernels_->data_term(over(g.nodes()), images.mean, images.difference, hat_, noise_, terms_, pixels_, g,
@@ -172,17 +156,17 @@ void Refinement::weigh(const Array<float>& field) {
     weights_[c] = static_cast<float>(information * length * length / (dx_m_ * dx_m_));
     weights_[2 + c] = static_cast<float>(information * length * length / (dy_m_ * dy_m_));
   }
-  queue_.write(model_, weights_.data(), weights_.size());
+  queue_.send(model_, weights_.data(), weights_.size());
 }
 
 void Refinement::step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit,
                       bool last) {
   weigh(field);
-  kernels_->assemble(over(grid_.nodes()), terms_, noise_, information_, field, gradient_, model_, *stencil_,
+  kernels_->assemble(over(grid_.nodes()), terms_, noise_, information_, field, gradient_, model_, stencil_,
                      rhs_, grid_.nx, grid_.ny);
-  pcg_.options().relative_residual = (last ? 1 : kRough) * options_.relative_residual;
-  queue_.copy(rhs_, load_);
-  solved_ = pcg_.solve(operator_, *preconditioner_, 1, rhs_, load_, correction_).front();
+  PcgOptions options = options_;
+  options.relative_residual *= last ? 1 : kRough;
+  solved_ = gradients_.solve(stencil_, rhs_, correction_, options);
   kernels_->correct(over(grid_.nodes()), field, correction_, out, grid_.nodes(), lateral_limit, axial_limit);
 }
 
@@ -222,7 +206,7 @@ void Refinement::look_up(const NoiseStructure& noise, const std::vector<int>& ra
   add([](const NoiseResponse& r) { return r.bias_noise(kBiasRadius); });
   add([](const NoiseResponse& r) { return r.bias_over_seen(kBiasRadius); });
   kernels_->edge_bias(over(grid_.nodes()), information_, pull_, bias_, grid_.nx, grid_.ny);
-  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, queue_.array(tables), queue_.array(radii),
+  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, sent(queue_, tables), sent(queue_, radii),
                         information, deviation_m, grid_.nx, grid_.ny,
                         static_cast<float>(noise.response[0].median()),
                         static_cast<float>(noise.response[1].median()), static_cast<float>(line_pitch_m_),

@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "service/device/device.h"
+#include "service/imaging/tracking/node_gradients.h"
 #include "service/imaging/tracking/noise_model.h"
 #include "service/imaging/tracking/sample_grid.h"
-#include "service/solver/linear_operator.h"
 #include "service/solver/pcg.h"
 
 namespace teletact::service {
@@ -61,7 +61,6 @@ class Refinement {
 
  private:
   struct Kernels;
-  class NodePreconditioner;
   void gather(const ImagePair&, bool robust, Array<float>& correlation);
   void weigh(const Array<float>& field);
   void find_medians();
@@ -73,17 +72,15 @@ class Refinement {
   SampleGrid grid_;
   double line_pitch_m_, sample_pitch_m_, dx_m_, dy_m_;
   std::shared_ptr<Kernels> kernels_;
-  Pcg<float> pcg_;
-  std::shared_ptr<Array<float>> stencil_;
-  StencilOperator<float> operator_;
-  std::unique_ptr<NodePreconditioner> preconditioner_;
+  NodeGradients gradients_;
+  Array<float> stencil_;
   NoiseModel noise_model_;
   std::array<double, 2> smoothing_m_{}, median_information_{};
   PcgResult solved_;
   int chunks_ = 1;
   std::vector<float> weights_;  // model()
-  Array<float> hat_, noise_, terms_, pixels_, pulses_, gradient_, model_, rhs_, load_, correction_,
-      information_, pull_, bias_;
+  Array<float> hat_, noise_, terms_, pixels_, pulses_, gradient_, model_, rhs_, correction_, information_,
+      pull_, bias_;
   Array<float> products_;
 };
 

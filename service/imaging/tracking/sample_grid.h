@@ -17,6 +17,14 @@ inline Range over(auto nodes) {
   return {{static_cast<std::size_t>(nodes), 1, 1}, {kGroup, 1, 1}};
 }
 
+// An array of `host`, on its way.
+template <class T>
+Array<T> sent(const Queue& queue, const std::vector<T>& host) {
+  auto array = queue.array<T>(host.size());
+  queue.send(array, host.data(), host.size());
+  return array;
+}
+
 // Node (i, j) lies at A-line first_line + i line_step, sample first_sample + j sample_step; index i + nx j.
 // An argument of kernels: Nodes of kernels/frames.clh.
 struct SampleGrid {

@@ -175,7 +175,7 @@ void Search::coarse(SearchKernels& kernels, const std::vector<EchoSpan>& spans, 
   std::vector<int> whole;
   whole.reserve(axial.size());
   for (const float lag : axial) whole.push_back(static_cast<int>(std::lround(lag)));
-  queue_.write(axial_lags_, whole.data(), whole.size());
+  queue_.send(axial_lags_, whole.data(), whole.size());
   kernels.laterals_at(over(g.nodes() * lags.laterals), coarse_volume_, axial_lags_, laterals_at_, g.nodes(),
                       lags.chunks, lags.laterals);
   LagVolume across{g.nx, g.ny, lags.laterals, queue_.read(laterals_at_)};
@@ -187,7 +187,7 @@ void Search::coarse(SearchKernels& kernels, const std::vector<EchoSpan>& spans, 
     found.push_back((lateral[n] - static_cast<float>(middle)) * static_cast<float>(lags.lateral_step));
     found.push_back(static_cast<float>(lags.first) + axial[n]);
   }
-  queue_.write(field, found.data(), found.size());
+  queue_.send(field, found.data(), found.size());
 }
 
 void Search::fine(SearchKernels& kernels, const std::vector<EchoSpan>& spans, const Array<float>& pre,
@@ -199,7 +199,7 @@ void Search::fine(SearchKernels& kernels, const std::vector<EchoSpan>& spans, co
                    level.lags.first, level.lags.first_lateral, level.lags.laterals);
   std::vector<float> heard(level.nodes());
   queue_.read(correlation, heard.data(), heard.size());
-  if (leave_out_silence(spans, level.grid, 1, heard)) queue_.write(correlation, heard.data(), heard.size());
+  if (leave_out_silence(spans, level.grid, 1, heard)) queue_.send(correlation, heard.data(), heard.size());
 }
 
 namespace {

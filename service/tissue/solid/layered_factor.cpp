@@ -161,6 +161,7 @@ std::vector<double> row_symbol(const SolidGrid& grid, const LayeredTissue& tissu
 namespace {
 
 constexpr std::size_t kWidth = 8;  // a row of a spectrum is a multiple of it
+constexpr std::size_t kWarp = 32;
 
 }  // namespace
 
@@ -179,26 +180,36 @@ LayeredPreconditioner<T>::LayeredPreconditioner(const Queue& queue, const SolidG
   spectrum_ = queue.array<T>(fourier_.spectrum_size());
   surface_ = queue.array<T>(surface_fourier_.spectrum_size());
   queue_.fill_zero(surface_);
-  const std::size_t width = queue.info().vector_bytes > sizeof(float) ? kWidth : 1;
+  const std::size_t width = queue.info().gpu ? 1 : kWidth;
   const Defines defines{{"WIDTH", std::to_string(width)}};
   up_ = queue.kernel("layers", "layers_up", precision_of<T>, defines);
   down_ = queue.kernel("layers", "layers_down", precision_of<T>, defines);
-  range_ = {{fourier_.pitch() / width, grid.nz}, {1, 1}};
+  range_ = {{fourier_.pitch() / width, grid.nz}, {queue.info().gpu ? kWarp : 1, 1}};
+}
+
+template <class T>
+void LayeredPreconditioner<T>::eliminate(const Components& components) {
+  up_(range_, inverse_, coupling_, spectrum_, surface_, layers_, nz_, static_cast<int>(fourier_.pitch()),
+      static_cast<int>(components.first), static_cast<int>(components.count));
 }
 
 template <class T>
 void LayeredPreconditioner<T>::up(const Array<T>& r, const Components& components, Array<T>& surface) {
   fourier_.forward(r, spectrum_, 0, static_cast<std::size_t>(3 * layers_));
-  up_(range_, inverse_, coupling_, spectrum_, surface_, layers_, nz_, static_cast<int>(fourier_.pitch()),
-      static_cast<int>(components.first), static_cast<int>(components.count));
+  eliminate(components);
   surface_fourier_.backward(surface_, surface, components.first, components.count);
+}
+
+template <class T>
+void LayeredPreconditioner<T>::substitute(const Components& components) {
+  down_(range_, inverse_, coupling_, spectrum_, surface_, layers_, nz_, static_cast<int>(fourier_.pitch()),
+        static_cast<int>(components.first), static_cast<int>(components.count));
 }
 
 template <class T>
 void LayeredPreconditioner<T>::down(const Array<T>& surface, const Components& components, Array<T>& z) {
   surface_fourier_.forward(surface, surface_, components.first, components.count);
-  down_(range_, inverse_, coupling_, spectrum_, surface_, layers_, nz_, static_cast<int>(fourier_.pitch()),
-        static_cast<int>(components.first), static_cast<int>(components.count));
+  substitute(components);
   fourier_.backward(spectrum_, z, 0, static_cast<std::size_t>(3 * layers_));
 }
 

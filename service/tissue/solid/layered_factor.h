@@ -51,6 +51,13 @@ class LayeredPreconditioner {
   void up(const Array<T>& r, const Components&, Array<T>& surface);
   // z with the forces in these planes of `surface` added to the r that was eliminated.
   void down(const Array<T>& surface, const Components&, Array<T>& z);
+  // up() and down() between the transforms of r and z, which are `spectrum`'s, and of the surface's planes of
+  // `components`.
+  void eliminate(const Components&);
+  void substitute(const Components&);
+  Array<T>& spectrum() { return spectrum_; }
+  Array<T>& surface_spectrum() { return surface_; }
+  Fourier<T>& fourier() { return fourier_; }
   // How layered tissue moves under surface forces alone.
   void solve_surface(const Array<T>& surface, const Components&, Array<T>& z);
   // Of the layered surface, offsets up to half of the block.

@@ -5,21 +5,26 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
+#include "service/tissue/solid/radau_bound.h"
 #include "service/tissue/solid/solid_tissue.h"
 
 namespace teletact::service {
 namespace {
 
-// Scalars, as in kernels/solid.cl.
-enum Scalar : std::size_t { kRho, kAlpha, kBeta, kCurvature, kScalars };
+// Of kernels/solid_marks.clh.
+constexpr std::size_t kAlpha = 1, kMarksOfIteration = 2, kParts = 4;
 
 constexpr std::size_t kMaxChunks = 512;
+constexpr std::size_t kLargestGroup = 128;  // over a row of nodes on a GPU
+constexpr std::size_t kOfNode = 192;        // products of an unknown's force
 
 // The largest relative error, in energy, that rounding was found to leave (T8.3): of the stiffness in T,
 // magnified as nu nears 1/2, and by contrast (bench solid bound, in float at nu 0.3, 0.49 and 0.4999: 1.1e-6,
@@ -36,32 +41,14 @@ std::size_t lanes(const Queue& queue, std::size_t nx, std::size_t bytes) {
   return std::min<std::size_t>({nx, 16, std::max<std::size_t>(1, queue.info().vector_bytes / bytes)});
 }
 
-// An upper bound of conjugate gradients' error, at every iteration, from the coefficients that they compute
-// anyway: Gauss-Radau quadrature with a node at or below the smallest eigenvalue (Meurant and Tichy, On
-// computing quadrature-based bounds for the A-norm of the error in conjugate gradients, Numer. Algorithms 62,
-// 2013).
-class RadauBound {
- public:
-  // `min_eigenvalue`: at most the smallest one of M^-1 A, > 0.
-  explicit RadauBound(double min_eigenvalue) : mu_(min_eigenvalue), gamma_(1 / min_eigenvalue) {}
-  // After a step alpha from an iterate with r.z = rho to one with `next_rho`.
-  void step(double alpha, double rho, double next_rho) {
-    const double rest = gamma_ - alpha;
-    // Rounding, or an eigenvalue below the one that was given: from here on it bounds nothing.
-    if (!(rest >= 0)) holds_ = holds_ && rest >= -1e-12 * gamma_;
-    gamma_ = rest > 0 ? rest / (mu_ * rest + next_rho / rho) : 0;
-  }
-  // Of the squared energy norm of the error of an iterate with r.z = rho.
-  double squared(double rho) const { return gamma_ * rho; }
-  bool holds() const { return holds_; }
+// Terms that an item adds up where `items` add up so many parts (kernels/sums.clh).
+std::size_t chain_of(std::size_t parts, std::size_t items) {
+  return items > 1 ? parts / (2 * items) + std::bit_width(items) : parts / 16 + 20;
+}
 
- private:
-  double mu_, gamma_;
-  bool holds_ = true;
-};
-
-Range over(std::size_t groups, std::size_t nz, std::size_t planes) {
-  return {{groups, nz, planes}, {std::min<std::size_t>(groups, 64), 1, 1}};
+// Of iteration k the turn before; -1: there is none.
+int turn_before(std::size_t k) {
+  return k == 0 ? -1 : static_cast<int>((k - 1) % 2);
 }
 
 }  // namespace
@@ -98,13 +85,13 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       modulus_(std::make_shared<const SolidModulus<T>>(queue, tissue, layered(tissue))),
       preconditioner_(queue, grid_, modulus_->layers, tissue.poisson_ratio),
       row_(std::make_shared<const SolidRow>(SolidRow{0, preconditioner_.surface_compliance()})),
+      ahead_(queue.info().gpu),
       width_(lanes(queue, grid_.nx, sizeof(T))),
+      group_(ahead_ ? std::min(grid_.nx, kLargestGroup) : 1),
       nx_(static_cast<int>(grid_.nx)),
       nz_(static_cast<int>(grid_.nz)),
       rows_(static_cast<int>(grid_.layers())),
-      groups_(static_cast<int>(grid_.unknowns() / width_)),
-      fields_(over(grid_.nx / width_, grid_.nz, 3 * grid_.layers())),
-      elements_(over(grid_.nx / width_, grid_.nz, grid_.layers())) {
+      groups_(static_cast<int>(grid_.unknowns() / width_)) {
   const std::size_t layers = grid_.layers(), columns = grid_.columns(), unknowns = grid_.unknowns();
   const std::size_t groups = unknowns / width_, wide = grid_.nx + 2 * width_;
   chunk_ = (groups + kMaxChunks - 1) / kMaxChunks;
@@ -118,24 +105,34 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       for (int column = 0; column < 24; ++column) stiffness.push_back(static_cast<T>(k(row, column)));
   }
   stiffness_ = queue.array(stiffness);
-  for (Array<T>* field : {&u_, &r_, &z_, &kd_}) *field = queue.array<T>(unknowns);
-  d_ = queue.array<T>(3 * (layers + 1) * grid_.nz * wide);
+  for (Array<T>* field : {&z_, &kd_}) *field = queue.array<T>(unknowns);
+  for (std::size_t k = 0; k <= at(1); ++k) {
+    u_[k] = queue.array<T>(unknowns), r_[k] = queue.array<T>(unknowns);
+    d_[k] = queue.array<T>(ahead_ ? unknowns : 3 * (layers + 1) * grid_.nz * wide);
+    queue_.fill_zero(d_[k]);
+  }
   surface_ = queue.array<T>(3 * columns);
-  scalars_ = queue.array<T>(kScalars);
-  partial_ = queue.array<T>(std::max(chunks_, layers * grid_.nz * (grid_.nx / width_)));
+  const Range rows = preconditioner_.fourier().over_rows(3 * layers);
+  parts_ = static_cast<int>((rows.global[0] + rows.local[0] - 1) / rows.local[0]);
+  marks_ = queue.array(std::vector<T>(kParts + static_cast<std::size_t>(parts_), T{0}));
+  partial_ = queue.array<T>(std::max(chunks_, layers * grid_.nz));
   slots_ = queue.array<int>(3 * columns);
-  const Defines defines{{"WIDTH", std::to_string(width_)}};
+  const Defines defines{{"WIDTH", std::to_string(width_)}, {"GROUP", std::to_string(group_)}};
   const auto get = [&](const char* name) { return queue.kernel("solid", name, precision_of<T>, defines); };
-  apply_ = get("solid_apply");
+  apply_ = get(ahead_ ? "solid_advance" : "solid_apply");
   direction_ = get("solid_direction");
   dot_ = get("solid_dot");
-  step_ = get("solid_step");
-  subtract_ = get("solid_subtract");
+  add_ = get("patch_add");
   project_ = get("patch_project");
   spread_ = get("patch_spread");
-  turn_ = get("patch_turn");
-  patch_step_ = get("patch_step");
-  queue_.fill_zero(d_);
+  const Fourier<T>& fourier = preconditioner_.fourier();
+  const auto joined = [&](const char* name) {
+    return queue.kernel(fourier.group() > 0 ? "solid_groups" : "solid_items", name, precision_of<T>,
+                        fourier.defines());
+  };
+  step_ = joined("step_forward");
+  back_ = joined("backward_dot");
+  surface_step_ = joined("patch_surface");
 }
 
 template <class T>
@@ -154,8 +151,9 @@ auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pu
     // All of them or, where there is no room, none.
     auto unknowns = queue_.array<int>(2 * n);
     auto q = queue_.array<T>(2 * n), dq = queue_.array<T>(2 * n), p = queue_.array<T>(2 * n);
-    auto inverse = queue_.array<T>(4 * n * n);
-    unknowns_ = std::move(unknowns), q_ = std::move(q), dq_ = std::move(dq), p_ = std::move(p);
+    auto next_p = queue_.array<T>(ahead_ ? 2 * n : 1), inverse = queue_.array<T>(4 * n * n);
+    unknowns_ = std::move(unknowns), q_ = std::move(q), dq_ = std::move(dq);
+    p_ = {std::move(p), std::move(next_p)};
     inverse_ = std::move(inverse);
   }
   queue_.write(unknowns_, at.data(), n);
@@ -165,11 +163,11 @@ auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pu
 }
 
 template <class T>
-void SolidSolver<T>::spread(const Array<T>& values, Array<T>& field, T sign, const Components& components,
+void SolidSolver<T>::spread(const Array<T>& values, Array<T>& field, const Components& components,
                             std::size_t begin) {
   const auto first = static_cast<int>(components.first * grid_.columns());
   const auto end = static_cast<int>((components.first + components.count) * grid_.columns());
-  spread_({{static_cast<std::size_t>(end - first)}, {64}}, slots_, values, field, sign, first, end,
+  spread_({{static_cast<std::size_t>(end - first)}, {64}}, slots_, values, field, first, end,
           static_cast<int>(begin));
 }
 
@@ -182,18 +180,18 @@ void SolidSolver<T>::solve_layers(const Array<T>& r, Array<T>& z) {
 template <class T>
 void SolidSolver<T>::move_layers(const Components& components, Array<T>& u) {
   if (row_->index == 0) {
-    spread(p_, surface_, T{1}, components, 0);
+    spread(p_[last_p_], surface_, components, 0);
     preconditioner_.solve_surface(surface_, components, u);
     return;
   }
   queue_.fill_zero(kd_);
-  spread(p_, kd_, T{1}, {0, 3}, row_begin());
+  spread(p_[last_p_], kd_, {0, 3}, row_begin());
   solve_layers(kd_, u);
 }
 
 template <class T>
 double SolidSolver<T>::dot(const Array<T>& a, const Array<T>& b) {
-  dot_({{chunks_}, {1}}, a, b, partial_, groups_, static_cast<int>(chunk_));
+  dot_({{chunks_}, {1}, chunk_}, a, b, partial_, groups_, static_cast<int>(chunk_));
   std::vector<T> sums(chunks_);
   queue_.read(partial_, sums.data(), chunks_);
   double sum = 0;
@@ -202,65 +200,106 @@ double SolidSolver<T>::dot(const Array<T>& a, const Array<T>& b) {
 }
 
 template <class T>
-void SolidSolver<T>::multiply(const Array<T>& field) {
-  direction_(fields_, scalars_, field, d_, nx_, nz_, 3 * rows_);
-  apply_(elements_, stiffness_, modulus_->youngs_modulus_pa, d_, kd_, partial_, nx_, nz_, rows_);
+void SolidSolver<T>::turn(const Array<T>& z, int parts, int patch_row, std::size_t k) {
+  const auto rows = static_cast<std::size_t>(rows_), nz = static_cast<std::size_t>(nz_);
+  const auto own = static_cast<int>(k % 2);
+  const int earlier = parts > 0 ? turn_before(k) : -1;
+  const std::size_t chain = chain_of(static_cast<std::size_t>(parts), group_);
+  if (ahead_)
+    return apply_({{group_, nz, rows}, {group_}, std::max(chain, kOfNode)}, stiffness_,
+                  modulus_->youngs_modulus_pa, marks_, z, d_[at(k + 1)], d_[at(k)], kd_, partial_, slots_, q_,
+                  dq_, nx_, nz_, rows_, parts, patch_row, earlier, own);
+  direction_({{3 * rows}, {1}, chain}, marks_, z, d_[0], slots_, q_, dq_, nx_, nz_, 3 * rows_, parts,
+             patch_row, earlier, own);
+  apply_({{nz, rows}, {1}, kOfNode}, stiffness_, modulus_->youngs_modulus_pa, d_[0], kd_, partial_, slots_,
+         dq_, nx_, nz_, rows_, patch_row);
 }
 
 template <class T>
-void SolidSolver<T>::subtract(const Array<T>& a, const Array<T>& b, Array<T>& out) {
-  subtract_({{static_cast<std::size_t>(groups_)}, {64}}, a, b, out, groups_);
+void SolidSolver<T>::add_patch(const Array<T>& values, const Array<T>& field, Array<T>& out, T of_field,
+                               T sign) {
+  add_({{grid_.unknowns()}, {64}}, slots_, values, field, out, of_field, sign, static_cast<int>(row_begin()),
+       static_cast<int>(3 * grid_.columns()), static_cast<int>(grid_.unknowns()));
 }
 
 template <class T>
 void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
   const Eigen::Matrix<T, Eigen::Dynamic, 1> force = force_n.cast<T>();
-  queue_.write(p_, force.data(), static_cast<std::size_t>(patch.count));
-  move_layers(patch.components, u_);
-  const std::vector<T> none(kScalars, T{0});
-  queue_.write(scalars_, none.data(), none.size());
-  multiply(u_);
-  queue_.fill_zero(z_);
-  spread(p_, z_, T{1}, {0, 3}, row_begin());
-  subtract(z_, kd_, r_);
+  last_ = last_p_ = 0;
+  queue_.write(p_[0], force.data(), static_cast<std::size_t>(patch.count));
+  move_layers(patch.components, u_[0]);
+  turn(u_[0], 0, -1, 0);
+  add_patch(p_[0], kd_, r_[0], T{-1}, T{1});
 }
 
 template <class T>
-void SolidSolver<T>::precondition(const Patch& patch) {
-  if (!patch.pushed) return solve_layers(r_, z_);
-  const auto project = [&](const Array<T>& field) {
-    project_({{static_cast<std::size_t>(patch.count)}, {1}}, inverse_, unknowns_, field, q_, patch.count);
-  };
-  if (row_->index == 0) {
-    preconditioner_.up(r_, patch.components, surface_);
-    project(surface_);
-    spread(q_, surface_, T{-1}, patch.components, 0);
-    preconditioner_.down(surface_, patch.components, z_);
-    return;
+void SolidSolver<T>::precondition(const Patch& patch, std::size_t k) {
+  Fourier<T>& fourier = preconditioner_.fourier();
+  Array<T>& spectrum = preconditioner_.spectrum();
+  const auto planes = static_cast<std::size_t>(3 * rows_);
+  const int count = static_cast<int>(planes), earlier = turn_before(k),
+            margin = ahead_ ? 0 : static_cast<int>(width_);
+  const std::size_t now = at(k), then = k == 0 ? now : at(k - 1),
+                    items = std::max<std::size_t>(1, fourier.group());
+  const auto products = static_cast<int>(planes / 3 * grid_.nz);  // of K d by d, in parts
+  Range rows = fourier.over_rows(planes), back = rows;
+  rows.chain = chain_of(static_cast<std::size_t>(products), items);
+  back.chain = items > 1 ? 16 : grid_.nx / width_ + grid_.nz;
+  step_(rows, d_[then], kd_, u_[then], u_[now], r_[then], r_[now], partial_, marks_, spectrum,
+        fourier.roots(), count, margin, products, earlier);
+  fourier.columns(spectrum, 0, planes, false);
+  const bool surface = patch.pushed && row_->index == 0;
+  const Components components = surface ? patch.components : Components{0, 0};
+  preconditioner_.eliminate(components);
+  if (surface)
+    surface_step_({{items}, {items}, static_cast<std::size_t>(patch.count) / 2},
+                  preconditioner_.surface_spectrum(), surface_, fourier.roots(), inverse_, unknowns_, slots_,
+                  q_, dq_, p_[then], p_[now], marks_, static_cast<int>(components.first),
+                  static_cast<int>(components.count), patch.count, earlier);
+  preconditioner_.substitute(components);
+  if (patch.pushed && !surface) {
+    // No condition enters between the sweeps: q from z0, and the layers again, under r - B^T q.
+    fourier.backward(spectrum, z_, 0, planes);
+    project_({{static_cast<std::size_t>(patch.count)}, {1}, static_cast<std::size_t>(patch.count) / 4},
+             inverse_, unknowns_, z_, q_, dq_, p_[then], p_[now], marks_, patch.count, earlier);
+    add_patch(q_, r_[now], kd_, T{1}, T{-1});
+    fourier.forward(kd_, spectrum, 0, planes);
+    preconditioner_.eliminate(components);
+    preconditioner_.substitute(components);
   }
-  // No condition enters between the sweeps: q from z0, and the layers again, under r - B^T q.
-  solve_layers(r_, z_);
-  project(z_);
-  queue_.fill_zero(z_);
-  spread(q_, z_, T{1}, {0, 3}, row_begin());
-  subtract(r_, z_, kd_);
-  solve_layers(kd_, z_);
+  fourier.columns(spectrum, 0, planes, true);
+  back_(back, spectrum, z_, r_[now], marks_, fourier.roots(), count);
 }
 
 template <class T>
 SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, const SolidOptions& options) {
-  const int count = patch.pushed ? patch.count : 0;
-  const auto partials = static_cast<int>(grid_.layers() * grid_.nz * (grid_.nx / width_));
+  const bool ahead = ahead_ && !options.watch;
+  const int patch_row = patch.pushed ? static_cast<int>(row_->index) : -1;
+  std::array<std::vector<T>, 2> marks;
+  for (auto& of : marks) of.resize(marks_.size());
+  std::array<Arrival, 2> on_their_way;
+  const auto ask = [&](std::size_t k) {
+    precondition(patch, k);
+    if (ahead) on_their_way[k % 2] = queue_.fetch(marks_, marks[k % 2].data(), marks_.size());
+  };
+  const auto go_on = [&](std::size_t k) {
+    turn(z_, parts_, patch_row, k);
+    ask(k + 1);
+  };
   SolidSolution solution;
   RadauBound bound(layers().least);
   double rho = 0;
+  ask(0);
   for (std::size_t k = 0;; ++k) {
-    precondition(patch);
-    dot_({{chunks_}, {1}}, r_, z_, partial_, groups_, static_cast<int>(chunk_));
-    turn_({{1}, {1}}, partial_, scalars_, q_, dq_, static_cast<int>(chunks_), count, k == 0 ? 1 : 0);
-    std::array<T, kScalars> scalars;
-    queue_.read(scalars_, scalars.data(), kScalars);
-    const auto next = static_cast<double>(scalars[kRho]), alpha = static_cast<double>(scalars[kAlpha]);
+    last_ = k, last_p_ = patch.pushed ? at(k) : 0;
+    if (ahead && k < options.max_iterations) go_on(k);
+    if (ahead)
+      on_their_way[k % 2].wait();
+    else
+      queue_.read(marks_, marks[k % 2].data(), marks_.size());
+    const std::vector<T>& own = marks[k % 2];
+    const double next = std::accumulate(own.begin() + kParts, own.end(), 0.0);
+    const auto alpha = static_cast<double>(own[kMarksOfIteration * ((k + 1) % 2) + kAlpha]);
     if (k > 0) {
       twice_energy += (patch.pushed ? -1 : 1) * alpha * rho;
       bound.step(alpha, rho, next);
@@ -284,9 +323,7 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
     else if (k == options.max_iterations)
       solution.reason = StopReason::kIterationLimit;
     if (solution.reason != StopReason::kRunning) return solution;
-    multiply(z_);
-    patch_step_({{1}, {1}}, partial_, scalars_, unknowns_, d_, kd_, p_, dq_, partials, count, nx_);
-    step_(fields_, scalars_, d_, kd_, u_, r_, nx_, nz_, 3 * rows_);
+    if (!ahead) go_on(k);
   }
 }
 
@@ -309,9 +346,9 @@ SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::Vecto
   queue_.write(inverse_, inverse.data(), static_cast<std::size_t>(inverse.size()));
   const Eigen::VectorXd start = factor.solve(w);
   begin(set, start);
-  SolidSolution solution = iterate(set, w.dot(start) - dot(u_, r_), options);
+  SolidSolution solution = iterate(set, w.dot(start) - dot(u_[0], r_[0]), options);
   Eigen::Matrix<T, Eigen::Dynamic, 1> p(n);
-  queue_.read(p_, p.data(), static_cast<std::size_t>(n));
+  queue_.read(p_[last_p_], p.data(), static_cast<std::size_t>(n));
   solution.force_n = p.template cast<double>();
   solution.displacement_m = w - patch.skin_m_n.cwiseProduct(solution.force_n);
   return solution;
@@ -324,8 +361,8 @@ SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, con
   if (p.size() != set.count || !p.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite force");
   begin(set, p);
-  const auto moved = [&]() -> Eigen::VectorXd { return row_of(u_)(unknowns); };
-  SolidSolution solution = iterate(set, p.dot(moved()) + dot(u_, r_), options);
+  const auto moved = [&]() -> Eigen::VectorXd { return row_of(u_[at(last_)])(unknowns); };
+  SolidSolution solution = iterate(set, p.dot(moved()) + dot(u_[0], r_[0]), options);
   solution.force_n = p;
   solution.displacement_m = moved();
   return solution;
@@ -342,10 +379,10 @@ template <class T>
 RowExcess SolidSolver<T>::excess() {
   const bool surface = row_->index == 0;
   if (surface)
-    preconditioner_.up(r_, {0, 3}, surface_);
+    preconditioner_.up(r_[at(last_)], {0, 3}, surface_);
   else
-    solve_layers(r_, z_);
-  RowExcess out{row_of(u_), row_of(surface ? surface_ : z_)};
+    solve_layers(r_[at(last_)], z_);
+  RowExcess out{row_of(u_[at(last_)]), row_of(surface ? surface_ : z_)};
   move_layers({0, 3}, z_);
   out.moved_m += out.last_m - row_of(z_);
   if (!out.moved_m.allFinite() || !out.last_m.allFinite())

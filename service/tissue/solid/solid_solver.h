@@ -13,6 +13,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <functional>
 #include <memory>
@@ -100,7 +101,7 @@ class SolidSolver {
   // Of the last solution. Throws std::domain_error where it is not finite.
   RowExcess excess();
   // Displacement of the last solution, or of the iterate that is watched, [plane = 3 row + component][z][x].
-  std::vector<T> displacement() const { return queue_.read(u_); }
+  std::vector<T> displacement() const { return queue_.read(u_[at(last_)]); }
   const LayeredTissue& layers() const { return modulus_->layers; }
   double rounding() const { return modulus_->rounding; }  // of every solution
 
@@ -121,12 +122,17 @@ class SolidSolver {
   void begin(const Patch&, const Eigen::VectorXd& force_n);
   // Conjugate gradients from there; `twice_energy`: of the beginning.
   SolidSolution iterate(const Patch&, double twice_energy, const SolidOptions&);
-  void precondition(const Patch&);  // z from r
-  // d = field + beta d, K d, and d . K d in parts.
-  void multiply(const Array<T>& field);
-  void subtract(const Array<T>& a, const Array<T>& b, Array<T>& out);  // a - b
+  // What iteration k begins with: u and r of the last one's step, z, r . z in parts.
+  void precondition(const Patch&, std::size_t k);
+  // d = z + beta d and dq alike, K d + B^T dq, and d . that in parts. parts: of r . z; 0: at the start, d =
+  // z.
+  void turn(const Array<T>& z, int parts, int patch_row, std::size_t k);
   // The patch's values, with zeros between, in the planes of a field from `begin` on.
-  void spread(const Array<T>& values, Array<T>& field, T sign, const Components&, std::size_t begin);
+  void spread(const Array<T>& values, Array<T>& field, const Components&, std::size_t begin);
+  // of_field field + sign B^T values.
+  void add_patch(const Array<T>& values, const Array<T>& field, Array<T>& out, T of_field, T sign);
+  // Of what the next iteration makes anew while the last is still asked for.
+  std::size_t at(std::size_t k) const { return ahead_ ? k % 2 : 0; }
   Eigen::VectorXd row_of(const Array<T>& field) const;
   double dot(const Array<T>& a, const Array<T>& b);
   Queue queue_;
@@ -134,15 +140,18 @@ class SolidSolver {
   std::shared_ptr<const SolidModulus<T>> modulus_;
   LayeredPreconditioner<T> preconditioner_;
   std::shared_ptr<const SolidRow> row_;
-  std::size_t width_ = 1, chunk_ = 1, chunks_ = 1;
-  int nx_, nz_, rows_, groups_;  // groups: of `width_` unknowns
-  Range fields_, elements_;
+  // A GPU goes ahead of the host by an iteration, so that it never waits; on a processor a wait costs less
+  // than an iteration in vain.
+  bool ahead_;
+  std::size_t width_ = 1, group_ = 1, chunk_ = 1, chunks_ = 1, last_ = 0, last_p_ = 0;
+  int nx_, nz_, rows_, groups_, parts_;  // groups: of `width_` unknowns; parts: of r . z
   Array<T> stiffness_;
-  Array<T> u_, r_, z_, kd_, d_, surface_;
-  Array<T> scalars_, partial_;
+  std::array<Array<T>, 2> u_, r_, d_, p_;  // the second where it goes ahead
+  Array<T> z_, kd_, surface_;
+  Array<T> marks_, partial_;  // kernels/solid_marks.clh
   Array<int> unknowns_, slots_;
-  Array<T> inverse_, q_, dq_, p_;
-  Kernel apply_, direction_, dot_, step_, subtract_, project_, spread_, turn_, patch_step_;
+  Array<T> inverse_, q_, dq_;
+  Kernel step_, back_, surface_step_, apply_, direction_, dot_, add_, project_, spread_;
 };
 
 }  // namespace teletact::service

@@ -81,6 +81,26 @@ Motion uniform_strain(double strain, double offset_m) {
   return [=](double, double y) { return std::pair{0.0, offset_m + strain * y}; };
 }
 
+// What a window of a known geometry asks of the device.
+TEST(Displacement, AsksLittleOfTheDevice) {
+  const Speckle speckle({});
+  const RfFrame pre = speckle.frame(
+                    [](double, double) {
+                      return std::pair{0.0, 0.0};
+                    },
+                    1),
+                post = speckle.frame(uniform_strain(-0.01, 0), 2);
+  const Queue queue = imaging_device()->queue();
+  DisplacementEstimator estimator(queue, {});
+  estimator.estimate(pre, post, speckle.geometry());
+  queue.take_work();
+  estimator.estimate(pre, post, speckle.geometry());
+  const DeviceWork work = queue.take_work();
+  EXPECT_LE(work.launches, 160u);
+  EXPECT_LE(work.waits, 20u);
+  EXPECT_LE(work.longest_chain, 1024u);
+}
+
 TEST(Displacement, FindsRigidSubSampleShiftsWithoutBias) {
   const double sample = speckle_geometry().sample_pitch_m();
   for (const double shift : {0.0, 0.125, 0.5, 0.8, 3.3, -7.6}) {

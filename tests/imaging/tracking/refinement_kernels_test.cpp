@@ -7,10 +7,12 @@
 #include <random>
 #include <vector>
 
+#include "service/imaging/tracking/node_gradients.h"
 #include "service/imaging/tracking/sample_grid.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
 #include "tests/reference/regularised.h"
+#include "tests/solver/block_stencil.h"
 
 namespace teletact::service {
 namespace {
@@ -32,27 +34,57 @@ reference::RfImage as_reference(const RfFrame& f) {
       static_cast<int>(f.sample_count), static_cast<int>(f.line_count), {f.samples.begin(), f.samples.end()}};
 }
 
-TEST(RefinementKernels, SolveNodesInvertsEveryNodesOwnBlock) {
-  const Queue queue = imaging_device()->queue();
-  constexpr std::size_t kNodes = 77;
-  std::vector<float> stencil = random_values(36 * kNodes, 1);
-  for (std::size_t n = 0; n < kNodes; ++n) {  // only the blocks of the diagonal need be definite
-    float* const block = &stencil[4 * (4 * kNodes + n)];
-    block[0] = 1 + std::abs(block[0]), block[3] = 100 * (1 + std::abs(block[3]));
-    block[1] = block[2] = 0.9f * std::sin(block[1]) * std::sqrt(block[0] * block[3]);
-  }
-  const std::vector<float> r = random_values(2 * kNodes, 2);
-  Array<float> z = queue.array<float>(2 * kNodes);
-  queue.kernel("refinement", "solve_nodes", Precision::kFloat)(over(kNodes), queue.array(stencil),
-                                                               queue.array(r), z, static_cast<int>(kNodes));
-  const std::vector<float> got = queue.read(z);
-  for (std::size_t n = 0; n < kNodes; ++n) {
-    const float* const block = &stencil[4 * (4 * kNodes + n)];
-    const Eigen::Matrix2d d{{block[0], block[1]}, {block[2], block[3]}};
-    const Eigen::Vector2d want = d.ldlt().solve(Eigen::Vector2d(r[2 * n], r[2 * n + 1]));
-    for (Eigen::Index c = 0; c < 2; ++c)
-      EXPECT_NEAR(got[2 * n + static_cast<std::size_t>(c)], want[c], 1e-5 * want.norm()) << n;
-  }
+struct Solved {
+  PcgResult result;
+  Eigen::VectorXd x;
+};
+Solved solve(const Device& device, const BlockStencil& s, const Eigen::VectorXd& b,
+             const PcgOptions& options) {
+  const Queue queue = device.queue();
+  NodeGradients gradients(queue, static_cast<int>(s.nx), static_cast<int>(s.ny));
+  auto r = queue.array(std::vector<float>(b.begin(), b.end())), x = queue.array<float>(s.unknowns());
+  Solved out{gradients.solve(queue.array(s.as<float>()), r, x, options), {}};
+  const std::vector<float> found = queue.read(x);
+  out.x = Eigen::Map<const Eigen::VectorXf>(found.data(), Eigen::Index(found.size())).cast<double>();
+  return out;
+}
+
+TEST(NodeGradients, SolveWhatTheDenseFactorDoes) {
+  PcgOptions options{.relative_error = 0, .relative_residual = 1e-5, .max_iterations = 500, .look_every = 4};
+  for (const auto& device : {test_device(), test_gpu()})
+    for (const auto& [nx, ny] : {std::pair{2U, 2U}, {33U, 17U}, {7U, 40U}}) {
+      const BlockStencil s = random_stencil(nx, ny, 10, 1);
+      const Eigen::VectorXd b = random_vectors(s, 1, 2).col(0), x = s.dense().ldlt().solve(b);
+      const Solved solved = solve(*device, s, b, options);
+      EXPECT_EQ(solved.result.reason, StopReason::kConverged);
+      EXPECT_LE((solved.x - x).norm(), 1e-3 * x.norm()) << nx << " x " << ny;
+      EXPECT_LE((s.dense() * solved.x - b).norm(), 2e-5 * b.norm());
+    }
+}
+
+TEST(NodeGradients, StopWhereTheyShouldAndSayWhy) {
+  PcgOptions options{.relative_error = 0, .relative_residual = 1e-3, .max_iterations = 500, .look_every = 4};
+  const BlockStencil s = random_stencil(21, 16, 10, 1);
+  const Eigen::VectorXd b = random_vectors(s, 1, 2).col(0);
+  const Solved rough = solve(*test_device(), s, b, options);
+  options.look_every = 1;  // when it looks changes nothing
+  const Solved often = solve(*test_device(), s, b, options);
+  EXPECT_EQ(rough.result.iterations, often.result.iterations);
+  EXPECT_EQ(rough.x, often.x);
+  EXPECT_LE(rough.result.recursive_residual, 1e-3 * b.norm());
+  options.max_iterations = rough.result.iterations - 1;
+  const Solved early = solve(*test_device(), s, b, options);
+  EXPECT_EQ(early.result.reason, StopReason::kIterationLimit);
+  EXPECT_EQ(early.result.iterations, options.max_iterations);
+  EXPECT_GT(early.result.recursive_residual, 1e-3 * b.norm());
+  options.max_iterations = 500;
+  EXPECT_EQ(solve(*test_device(), s, Eigen::VectorXd::Zero(b.size()), options).x.norm(), 0);
+  BlockStencil negative = s;
+  for (double& value : negative.blocks) value = -value;
+  EXPECT_EQ(solve(*test_device(), negative, b, options).result.reason, StopReason::kIndefinite);
+  Eigen::VectorXd broken = b;
+  broken[5] = std::nan("");
+  EXPECT_EQ(solve(*test_device(), s, broken, options).result.reason, StopReason::kNotFinite);
 }
 
 TEST(RefinementKernels, EdgeBiasIsPullOverInformation) {

@@ -179,5 +179,81 @@ TEST(SolidSolver, StatesWhatRoundingMayLeave) {
   }
 }
 
+// Launches, copies and waits of an iteration beyond the first ones.
+DeviceWork work_of_an_iteration(const Queue& queue, SolidSolver<double>& solver, const SurfacePatch& patch) {
+  constexpr std::size_t kMore = 4;
+  const auto solve = [&](std::size_t iterations) {
+    queue.take_work();
+    solver.push(patch, pushed(patch), {.relative_error = 0, .max_iterations = iterations});
+    return queue.take_work();
+  };
+  const DeviceWork few = solve(2);
+  DeviceWork more = solve(2 + kMore);
+  more.launches = (more.launches - few.launches) / kMore, more.copies = (more.copies - few.copies) / kMore;
+  more.waits = (more.waits - few.waits) / kMore, more.looks = (more.looks - few.looks) / kMore;
+  return more;
+}
+
+TEST(SolidSolver, AnIterationIsFewLaunchesAndOnAGpuNoWait) {
+  const SolidTissue tissue = rough(small_grid(), 0.49, 10);
+  const SurfacePatch patch = patch_of(tissue.grid, 0, 2, 0);
+  const Queue queue = test_device()->queue(), gpu = test_gpu()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  SolidSolver<double> solver(queue, tissue), ahead(gpu, tissue);
+  const DeviceWork here = work_of_an_iteration(queue, solver, patch),
+                   there = work_of_an_iteration(gpu, ahead, patch);
+  EXPECT_LE(there.launches, 8u);
+  EXPECT_EQ(there.waits, 0u);
+  EXPECT_EQ(there.copies, 1u) << "the scalars, on their way";
+  EXPECT_LE(there.longest_chain, 1024u);
+  if (queue.info().gpu) return;
+  EXPECT_LE(here.launches, 7u);
+  EXPECT_EQ(here.waits, 1u);
+  EXPECT_EQ(here.copies, 0u);
+  EXPECT_LE(here.longest_chain, 1024u);
+}
+
+// The ways of a GPU, on the surface and below it, pushed and loaded; and that it goes ahead of the host
+// changes nothing: with somebody watching it does not.
+TEST(SolidSolver, AsAGpuDoesItIsTheSame) {
+  const Queue queue = test_device()->queue(), gpu = test_gpu()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = rough(small_grid(), 0.49, 30);
+  SolidSolver<double> here(queue, tissue), there(gpu, tissue);
+  for (const std::size_t row : {0U, 4U}) {
+    const auto at = std::make_shared<const SolidRow>(
+        SolidRow{row, wide_surface(tissue.grid, here.layers(), 0.49, 0, 0, row)});
+    here.at(at), there.at(at);
+    const SurfacePatch patch = patch_of(tissue.grid, 0, 2, 1e-3);
+    const Eigen::VectorXd w = pushed(patch);
+    for (const bool push : {true, false}) {
+      const auto solve = [&](SolidSolver<double>& solver, const SolidOptions& options) {
+        return push ? solver.push(patch, w, options) : solver.load(patch.unknowns, w, options);
+      };
+      SolidOptions options{.relative_error = 1e-9};
+      const SolidSolution a = solve(here, options), b = solve(there, options);
+      const RowExcess left = here.excess(), left_there = there.excess();
+      EXPECT_EQ(a.iterations, b.iterations);
+      EXPECT_EQ(b.reason, StopReason::kConverged);
+      EXPECT_LT((a.force_n - b.force_n).norm(), 1e-10 * a.force_n.norm());
+      EXPECT_LT((a.displacement_m - b.displacement_m).norm(), 1e-10 * a.displacement_m.norm());
+      EXPECT_NEAR(b.energy_error_j, a.energy_error_j, 1e-3 * a.energy_error_j);
+      EXPECT_LT((left.moved_m - left_there.moved_m).norm(), 1e-8 * left.moved_m.norm());
+      for (const std::size_t iterations : {3U, 4U}) {  // either of what it keeps two of
+        options.max_iterations = iterations;
+        const SolidSolution early = solve(there, options);
+        const std::vector<double> field = there.displacement();
+        options.watch = [](const SolidSolution&) { return true; };
+        const SolidSolution watched = solve(there, options);
+        options.watch = {};
+        EXPECT_EQ(early.iterations, iterations);
+        EXPECT_EQ(early.energy_error_j, watched.energy_error_j);
+        EXPECT_EQ(early.force_n, watched.force_n);
+        EXPECT_EQ(field, there.displacement());
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace teletact::service
