@@ -79,6 +79,19 @@ TEST(InputChecks, MeanFrequencyIsThatOfTheEchoWhateverTheNoise) {
   EXPECT_TRUE(std::isnan(mean_frequency({64, 2, std::vector<float>(128, 3.f)}, 40e6)));
 }
 
+// A crop with a few loud echoes has the frequency of the whole.
+TEST(InputChecks, FewLoudEchoesDoNotDecideTheMeanFrequency) {
+  constexpr double kHz = 7e6, kFs = 40e6;
+  RfFrame frame = band(kHz, kFs, 40);
+  const RfFrame loud = band(0.6 * kHz, kFs, 40);
+  for (std::size_t l = 0; l < frame.line_count; ++l)
+    for (std::size_t k = 300; k < 500; ++k) {
+      const std::size_t n = k + frame.sample_count * l;
+      frame.samples[n] = 30 * loud.samples[n];
+    }
+  EXPECT_NEAR(mean_frequency(frame, kFs) / kHz, 1, 0.1);
+}
+
 // Lines for samples and samples for lines.
 RfFrame turned(const RfFrame& in) {
   RfFrame out{in.line_count, in.sample_count, std::vector<float>(in.samples.size())};
