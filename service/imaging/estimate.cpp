@@ -62,8 +62,8 @@ HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in) {
   const double rows = std::min(kMaxRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
   const ModulusKind method = in.modulus.kind.value_or(ModulusKind::kIterative);  // the most
-  constexpr double kAcross = 64, kBeside = 2, kOfElement = 2;                    // of a solid: E and its copy
-  const double direct = in.tissue.plane == Plane::kSolid ? kOfElement * kBeside * columns * rows * kAcross
+  constexpr double kAcross = 64, kBeside = 2;                                    // of a solid: a copy of E
+  const double direct = in.tissue.plane == Plane::kSolid          ? kBeside * columns * rows * kAcross
                         : method == ModulusKind::kReferenceStress ? 0
                                                                   : 4 * columns * rows * rows;
   const std::uint64_t b_mode = in.b_mode ? BMode::kMaxRows * frame.line_count : 0;
