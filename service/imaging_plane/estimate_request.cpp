@@ -261,10 +261,10 @@ void settle(EstimateRequest& request, const Limits& limits) {
 }
 
 std::vector<std::string> warnings_of(const Estimate& e) {
-  std::vector<std::string> warnings = e.input_warnings;
-  for (const ModulusWarning& warning : e.modulus.warnings)
-    warnings.push_back(fmt::format("{}: {}", name_of(warning.flag), warning.text));
-  return warnings;
+  std::vector<std::string> lines;
+  for (const auto& warnings : {e.input_warnings, e.modulus.warnings})
+    for (const Warning& warning : warnings) lines.push_back(warning.line());
+  return lines;
 }
 
 WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,

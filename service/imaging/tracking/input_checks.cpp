@@ -107,41 +107,46 @@ double mean_frequency(const RfFrame& frame, double sampling_frequency_hz) {
   return std::acos(std::clamp(c, -1.0, 1.0)) / (2 * std::numbers::pi) * sampling_frequency_hz;
 }
 
-std::optional<std::string> contradicted_rf(const RfFrame& pre) {
+std::optional<Warning> contradicted_rf(const RfFrame& pre) {
   const Autocorrelation depth = autocorrelation(pre, true);
   if (depth.least < kNoDip) return std::nullopt;
   if (autocorrelation(pre, false).least < kDip)
-    return "axis: the samples do not oscillate along depth but across the lines: the two dimensions are "
-           "exchanged; send line after line, depth fastest";
+    return Warning{WarningFlag::kAxis,
+                   "the samples do not oscillate along depth but across the lines: the two dimensions are "
+                   "exchanged; send line after line, depth fastest"};
   if (depth.next > kSmooth)
-    return "image: the samples do not oscillate along depth, like those of an envelope or a B-mode image; "
-           "send "
-           "RF, with the phase of its echoes";
+    return Warning{WarningFlag::kImage,
+                   "the samples do not oscillate along depth, like those of an envelope or a B-mode image; "
+                   "send RF, with the phase of its echoes"};
   return std::nullopt;
 }
 
-std::optional<std::string> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry& geometry) {
+std::optional<Warning> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry& geometry) {
   const double found = mean_frequency(pre, geometry.sampling_frequency_hz);
   const double ratio = found / geometry.center_frequency_hz;
   if (!(ratio > kFrequencyRatio || ratio < 1 / kFrequencyRatio)) return std::nullopt;
-  return fmt::format(
-      "center_frequency_hz: {:.1f} MHz is stated, but the frames are around {:.1f} MHz if "
-      "sampling_frequency_hz is {:.1f} MHz: one of the two is wrong, and with the latter every length",
-      geometry.center_frequency_hz * 1e-6, found * 1e-6, geometry.sampling_frequency_hz * 1e-6);
+  return Warning{
+      WarningFlag::kCenterFrequency,
+      fmt::format("{:.1f} MHz is stated, but the frames are around {:.1f} MHz if sampling_frequency_hz is "
+                  "{:.1f} MHz: "
+                  "one of the two is wrong, and with the latter every length",
+                  geometry.center_frequency_hz * 1e-6, found * 1e-6, geometry.sampling_frequency_hz * 1e-6)};
 }
 
-std::optional<std::string> contradicted_frame(const AcquisitionGeometry& geometry, const ImageGrid& grid,
-                                              const Field& axial_displacement,
-                                              const std::vector<std::uint8_t>& trusted) {
+std::optional<Warning> contradicted_frame(const AcquisitionGeometry& geometry, const ImageGrid& grid,
+                                          const Field& axial_displacement,
+                                          const std::vector<std::uint8_t>& trusted) {
   const auto top = motion(grid, axial_displacement, trusted, false),
              bottom = motion(grid, axial_displacement, trusted, true);
   if (!top || !bottom) return std::nullopt;
   if (geometry.frame == DisplacementFrame::kLab && *bottom > *top + kMinMotionM)
-    return "displacement_frame: LAB is stated, where the far side rests, but it moves more than the probe's "
-           "side: PROBE?";
+    return Warning{
+        WarningFlag::kDisplacementFrame,
+        "LAB is stated, where the far side rests, but it moves more than the probe's side: PROBE?"};
   if (geometry.frame == DisplacementFrame::kProbe && *top > *bottom + kMinMotionM)
-    return "displacement_frame: PROBE is stated, where the probe's side rests, but it moves more than the "
-           "far side: LAB?";
+    return Warning{
+        WarningFlag::kDisplacementFrame,
+        "PROBE is stated, where the probe's side rests, but it moves more than the far side: LAB?"};
   return std::nullopt;
 }
 
