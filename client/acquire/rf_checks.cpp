@@ -7,6 +7,7 @@
 #include <complex>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "client/acquire/recorded_frames.h"
 
@@ -18,10 +19,11 @@ namespace {
 constexpr double kOscillates = 0.25, kDoesNot = 0.5;
 constexpr double kMinPeriods = 16;  // of a piece: its low end is far below the peak
 constexpr std::size_t kMinPiece = 32, kMaxPiece = 1024, kMaxPieces = 256;
-constexpr double kOffset = 0.2;       // of the samples' root mean square about their mean
-constexpr double kHigher = 1.15;      // tissue lowers the frequency of echoes, nothing raises it
-constexpr double kLower = 0.84;       // it takes a tenth, seldom more than a sixth
-constexpr double kServiceSays = 1.5;  // from this ratio on, in either direction
+constexpr double kOffset = 0.2;        // of the samples' root mean square about their mean
+constexpr double kHigher = 1.15;       // tissue lowers the frequency of echoes, nothing raises it
+constexpr double kLower = 0.84;        // it takes a tenth, seldom more than a sixth
+constexpr double kServiceSays = 1.6;   // from this ratio on, in either direction: it begins at 1.5
+constexpr double kUsuallyLoud = 0.75;  // part of the pieces; what is louder counts as much as those do
 constexpr double kAlike = 0.01;
 constexpr double kAreasApart = 1.5;
 
@@ -31,14 +33,21 @@ struct Lines {
   std::size_t count, length, between_lines, between_samples;
 };
 
-// Density of the mean spectrum of pieces of the lines at k / piece, k = 0 to piece / 2; without the pieces'
-// means. Empty where the lines are too short, or silent.
-std::vector<double> spectrum(const Lines& lines, double period) {
+std::size_t piece_of(double period) {
   std::size_t piece = kMinPiece;
   while (static_cast<double>(piece) < kMinPeriods * period && piece < kMaxPiece) piece *= 2;
+  return piece;
+}
+
+// Density of the mean spectrum of pieces of the lines at k / piece, k = 0 to piece / 2; without the pieces'
+// means, and so that few loud echoes do not decide: with them a crop may have another than the whole. Empty
+// where the lines are too short, or silent.
+std::vector<double> spectrum(const Lines& lines, double period) {
+  const std::size_t piece = piece_of(period);
   if (lines.length < piece || lines.count == 0) return {};
   std::vector<std::complex<double>> turn(piece);
-  std::vector<double> window(piece), part(piece), sum(piece / 2 + 1);
+  std::vector<double> window(piece), part(piece), sum(piece / 2 + 1), powers;
+  std::vector<std::vector<double>> densities;
   for (std::size_t k = 0; k < piece; ++k) {
     turn[k] = std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(piece));
     window[k] = 1 - turn[k].real();
@@ -53,13 +62,23 @@ std::vector<double> spectrum(const Lines& lines, double period) {
     for (std::size_t k = 0; k < piece; ++k) mean += at[k * lines.between_samples];
     mean /= static_cast<double>(piece);
     for (std::size_t k = 0; k < piece; ++k) part[k] = window[k] * (at[k * lines.between_samples] - mean);
-    for (std::size_t f = 0; f < sum.size(); ++f) {
+    std::vector<double> density(sum.size());
+    double power = 0;
+    for (std::size_t f = 0; f < density.size(); ++f) {
       std::complex<double> value{};
       for (std::size_t k = 0; k < piece; ++k) value += part[k] * turn[f * k % piece];
-      sum[f] += std::norm(value);
+      power += density[f] = std::norm(value);
     }
+    if (!(power > 0)) continue;
+    powers.push_back(power), densities.push_back(std::move(density));
   }
-  if (!(*std::max_element(sum.begin(), sum.end()) > 0)) return {};
+  if (densities.empty()) return {};
+  std::vector<double> sorted = powers;
+  const auto loud =
+      sorted.begin() + static_cast<std::ptrdiff_t>(kUsuallyLoud * static_cast<double>(sorted.size() - 1));
+  std::nth_element(sorted.begin(), loud, sorted.end());
+  for (std::size_t p = 0; p < densities.size(); ++p)
+    for (std::size_t f = 0; f < sum.size(); ++f) sum[f] += std::min(1.0, *loud / powers[p]) * densities[p][f];
   return sum;
 }
 
@@ -115,7 +134,8 @@ RfAxis rf_axis(const std::vector<float>& samples, std::size_t fast, double perio
   const auto first = oscillates({samples.data(), slow, fast, fast, 1}, period),
              second = oscillates({samples.data(), fast, slow, 1, fast}, period);
   if (first == true) return RfAxis::kFastest;
-  if (first == false && second == true) return RfAxis::kSlowest;
+  // Fewer lines than tell anything are lines all the same if the other dimension oscillates.
+  if ((first == false || fast < piece_of(period)) && second == true) return RfAxis::kSlowest;
   return first == false ? RfAxis::kNeither : RfAxis::kUnclear;
 }
 

@@ -27,7 +27,7 @@ double begin_m(const SlicePlaces& places) {
   return places.first_z_m - places.pitch_m / 2;
 }
 
-bool cannot_be_tracked(grpc::StatusCode code) {
+bool pair_is_useless(grpc::StatusCode code) {
   return code == grpc::StatusCode::FAILED_PRECONDITION;
 }
 
@@ -248,15 +248,16 @@ void AcquireSession::upload_one(Upload upload) {
     const std::lock_guard lock(mutex_);
     return corrections_ ? corrections_->neighbours(upload.window) : 0;
   }();
-  if (done([&] { publish(upload, estimate(upload.pair, upload.window)); }, cannot_be_tracked)) {
+  if (done([&] { publish(upload, estimate(upload.pair, upload.window)); }, pair_is_useless)) {
     const std::lock_guard lock(mutex_);
     if (corrections_) corrections_->published(upload.window, std::move(upload.pair), neighbours);
     return;
   }
-  // A pair that cannot be tracked is a fact of ultrasound: the window stays unknown and is acquired again.
+  // That a pair cannot be tracked, or was hardly pressed, is a fact of ultrasound: the window stays unknown
+  // and is acquired again.
   const std::lock_guard lock(mutex_);
   acquired_s_[upload.window].reset();
-  ++result_.untracked;
+  ++result_.refused;
 }
 
 void AcquireSession::correct(std::size_t slice, FramePair pair) {

@@ -78,7 +78,7 @@ struct AcquireObserver {
 
 struct AcquireResult {
   std::vector<teletact::v1::WindowTiming> windows;  // published, in order
-  std::size_t untracked = 0;                        // pairs that the service could not track
+  std::size_t refused = 0;                          // pairs that could not be tracked, or told no force
   std::size_t exhausted = 0;                        // windows whose prepared frames are used up
 };
 

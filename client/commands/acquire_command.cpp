@@ -257,8 +257,8 @@ void run(const AcquireArguments& arguments) {
   AcquireSession session(arguments.address, arguments.credentials, *source, options,
                          observe(arguments, recorder));
   const AcquireResult result = acquire(session);
-  std::printf("%zu %s published, %zu pairs not tracked\n", result.windows.size(),
-              arguments.slices ? "slices" : "windows", result.untracked);
+  std::printf("%zu %s published, %zu pairs refused\n", result.windows.size(),
+              arguments.slices ? "slices" : "windows", result.refused);
   if (arguments.slices)
     save_slices(arguments, options.slices->grid, session.planes());
   else if (result.exhausted > 0)

@@ -62,8 +62,8 @@ HostBytes host_bytes(const RfFrame& frame, const EstimateInput& in) {
   const double rows = std::min(kMaxRows, std::ceil(in.tissue.depth_m / kFineM)) + 1,
                columns = std::ceil(width_m / kFineM) + 1;
   const ModulusKind method = in.modulus.kind.value_or(ModulusKind::kIterative);  // the most
-  constexpr double kAcross = 64, kBeside = 2, kOfElement = 2;                    // of a solid: E and its copy
-  const double direct = in.tissue.plane == Plane::kSolid ? kOfElement * kBeside * columns * rows * kAcross
+  constexpr double kAcross = 64, kBeside = 2;                                    // of a solid: a copy of E
+  const double direct = in.tissue.plane == Plane::kSolid          ? kBeside * columns * rows * kAcross
                         : method == ModulusKind::kReferenceStress ? 0
                                                                   : 4 * columns * rows * rows;
   const std::uint64_t b_mode = in.b_mode ? BMode::kMaxRows * frame.line_count : 0;
@@ -94,6 +94,18 @@ void mark_valid(Estimate& e) {
                          [](float v) { return std::isfinite(v) ? 1 : 0; });
   const auto valid = std::ranges::count(e.valid, std::uint8_t{1});
   e.valid_fraction = static_cast<double>(valid) / static_cast<double>(e.grid.size());
+}
+
+// With what the frames show to be its cause, if they do: samples that are no RF have no strain at all, and
+// echoes of another frequency are taken for others.
+TrackingError with_cause(const TrackingError& refusal, const std::vector<Warning>& warnings) {
+  const auto cause = std::ranges::find_if(warnings, [&](const Warning& warning) {
+    return warning.flag == WarningFlag::kImage || warning.flag == WarningFlag::kAxis ||
+           (warning.flag == WarningFlag::kCenterFrequency &&
+            refusal.reason == TrackingError::Reason::kDecorrelated);
+  });
+  if (cause == warnings.end()) return refusal;
+  return {refusal.reason, fmt::format("{}; but first: {}", refusal.what(), cause->line())};
 }
 
 }  // namespace
@@ -150,17 +162,21 @@ void Elastography::judge_tracking(const RfFrame& pre, const RfFrame& post,
                         fmt::format("{}, but the pair can be tracked with max_strain {:.3g}: it is strained "
                                     "beyond max_strain {:.3g}; compress less, or raise it",
                                     found, wider.max_strain, search_.max_strain));
-  throw TrackingError(
-      TrackingError::Reason::kDecorrelated,
-      fmt::format("{}; the frames are unrelated, or moved out of plane, or strained beyond "
-                  "{:.3g} (searched up to that; max_strain is {:.3g}): take the pair again "
-                  "with less motion{}",
-                  found, wider.max_strain, search_.max_strain,
-                  e.input_warnings.empty() ? "" : "; but first: " + e.input_warnings.front()));
+  throw TrackingError(TrackingError::Reason::kDecorrelated,
+                      fmt::format("{}; the frames are unrelated, or moved out of plane, or strained beyond "
+                                  "{:.3g} (searched up to that; max_strain is {:.3g}): take the pair again "
+                                  "with less motion",
+                                  found, wider.max_strain, search_.max_strain));
 }
 
 DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post,
                                          const AcquisitionGeometry& geometry, Estimate& e) {
+  constexpr double kLongPeriod = 40;  // samples: longer than where it is looked for
+  const bool short_period = geometry.sampling_frequency_hz < kLongPeriod * geometry.center_frequency_hz;
+  std::optional<Warning> contradicted;
+  if (short_period) contradicted = contradicted_rf(pre);
+  if (!contradicted) contradicted = contradicted_frequency(pre, geometry);
+  if (contradicted) e.input_warnings.push_back(*contradicted);
   // Coupling is left out, and looked at again without it.
   const bool probe_rests = geometry.frame == DisplacementFrame::kProbe;
   const int tissue_from = probe_rests ? coupling_end(pre, post, geometry) : 0;
@@ -171,29 +187,25 @@ DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post
     const double surface_m = geometry.first_sample_depth_m + tissue_from * geometry.sample_pitch_m();
     if (rests_below(surface_m, e)) {
       e.coupling_m = surface_m;
-      e.input_warnings.push_back(fmt::format(
-          "coupling: the upper {:.1f} mm of the image are not tissue: they hardly strain, and end at "
-          "a bright line; the tissue is taken to begin there, and it has no modulus above",
-          1e3 * surface_m));
+      e.input_warnings.push_back(
+          {WarningFlag::kCoupling,
+           fmt::format("the upper {:.1f} mm of the image are not tissue: they hardly strain, and end at a "
+                       "bright line; the tissue is taken to begin there, and it has no modulus above",
+                       1e3 * surface_m)});
     } else {
       displacement = displacement_.estimate(pre, post, geometry);
       download(queue_, displacement, e);
     }
   }
-  constexpr double kLongPeriod = 40;  // samples: longer than where it is looked for
-  const bool short_period = geometry.sampling_frequency_hz < kLongPeriod * geometry.center_frequency_hz;
-  if (auto text = short_period ? contradicted_rf(pre) : std::nullopt)
-    e.input_warnings.push_back(*text);
-  else if (text = contradicted_frequency(pre, geometry); text)
-    e.input_warnings.push_back(*text);
   judge_tracking(pre, post, geometry, e);
-  if (auto text = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
-    e.input_warnings.push_back(*text);
+  if (const auto frame = contradicted_frame(geometry, e.grid, e.axial_displacement, e.displacement_valid))
+    e.input_warnings.push_back(*frame);
   if (displacement.unsolved)
-    e.input_warnings.push_back(fmt::format(
-        "displacement: the linear system of a refinement step was left unsolved after {} iterations "
-        "({}): the displacement is worse than its standard deviation says",
-        displacement.unsolved->iterations, to_string(displacement.unsolved->reason)));
+    e.input_warnings.push_back(
+        {WarningFlag::kDisplacement,
+         fmt::format("the linear system of a refinement step was left unsolved after {} iterations ({}): the "
+                     "displacement is worse than its standard deviation says",
+                     displacement.unsolved->iterations, to_string(displacement.unsolved->reason))});
   return displacement;
 }
 
@@ -235,6 +247,16 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
   Estimate e;
   e.held = std::make_shared<const Charge>(queue_.account().charge(Place::kHost, "estimates", bytes.maps));
   const Charge working = queue_.account().charge(Place::kHost, "estimating", bytes.working);
+  try {
+    estimate_into(pre, post, in, told, e);
+  } catch (const TrackingError& refusal) {
+    throw with_cause(refusal, e.input_warnings);
+  }
+  return e;
+}
+
+void Elastography::estimate_into(const RfFrame& pre, const RfFrame& post, const EstimateInput& in,
+                                 const std::function<void(Stage)>& told, Estimate& e) {
   StageClock clock;
   const auto ended = [&](Stage stage, double& seconds) {
     seconds = clock.lap();
@@ -267,7 +289,6 @@ Estimate Elastography::estimate(const RfFrame& pre, const RfFrame& post, const E
   e.grid.origin_y_m = first_m;
   mark_valid(e);
   ended(Stage::kModulus, e.modulus_s);
-  return e;
 }
 
 }  // namespace teletact::service

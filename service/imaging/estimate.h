@@ -57,7 +57,7 @@ struct Estimate : Measured {
   double valid_fraction = 0;        // of the nodes
   BMode b_mode;                     // of the pre frame, where it was wanted
   // Frames that contradict what is stated of them; tracking that failed in part.
-  std::vector<std::string> input_warnings;
+  std::vector<Warning> input_warnings;
   double displacement_s = 0, strain_s = 0, modulus_s = 0;
   std::shared_ptr<const Charge> held;  // of these maps
 };
@@ -81,6 +81,8 @@ class Elastography {
                     const std::function<void(Stage)>& ended = {});
 
  private:
+  void estimate_into(const RfFrame& pre, const RfFrame& post, const EstimateInput&,
+                     const std::function<void(Stage)>& told, Estimate&);
   DisplacementEstimate track(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
   void judge_tracking(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
   ModulusEstimate find_modulus(ModulusInput, const ModulusChoice&);

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "service/base/choices.h"
+#include "service/scene/errors.h"
 
 namespace teletact::service {
 
@@ -67,10 +68,25 @@ double relative(double stated, double value, double usual = 0) {
   return stated == 0 ? usual : stated / value;
 }
 
+// A force within its own noise is no mistake of who states it: the pair was pressed too little to tell one.
+void check_told(const EstimateRequest& r) {
+  constexpr double kReach = 5;  // deviations: so far below zero noise alone takes what a sensor shows
+  const double shown_n = r.force->force_n - r.force_zero_n,
+               noise_n = std::hypot(r.force_std_n, r.force_zero_std_n);
+  const bool sound = r.force_std_n >= 0 && r.force_zero_std_n >= 0 && noise_n > 0 && std::isfinite(noise_n);
+  if (!(sound && shown_n <= noise_n && shown_n > -kReach * noise_n)) return;
+  throw Error(ErrorKind::kPrecondition,
+              fmt::format("acquisition.probe_force.force_n: {:.3g} N is within its own noise of {:.3g} N "
+                          "(force_std_n, force_zero_std_n), so that the pair tells no modulus; press further "
+                          "between the frames, or correct the noise",
+                          shown_n, noise_n));
+}
+
 // What the sensor showed becomes the force, and what is uncertain of both its own and its shared deviation.
 void settle_force(EstimateRequest& r, const Limits& limits) {
   const std::string field = "probe_force.";
   ProbeForce& force = *r.force;
+  check_told(r);
   require_between("acquisition.probe_force.force_n", force.force_n, limits.min_probe_force_n,
                   limits.max_probe_force_n, "give the sensor's change from pre to post, > 0 in compression");
   // Of 0.1 mm to 0.5 m across the image plane: cm^2 or mm^2 given for m^2 lie outside.
@@ -245,10 +261,10 @@ void settle(EstimateRequest& request, const Limits& limits) {
 }
 
 std::vector<std::string> warnings_of(const Estimate& e) {
-  std::vector<std::string> warnings = e.input_warnings;
-  for (const ModulusWarning& warning : e.modulus.warnings)
-    warnings.push_back(fmt::format("{}: {}", name_of(warning.flag), warning.text));
-  return warnings;
+  std::vector<std::string> lines;
+  for (const auto& warnings : {e.input_warnings, e.modulus.warnings})
+    for (const Warning& warning : warnings) lines.push_back(warning.line());
+  return lines;
 }
 
 WindowEstimate window_of(const EstimateRequest& request, const Estimate& e,

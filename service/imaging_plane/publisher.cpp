@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -32,9 +33,11 @@ Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::stri
   Published published;
   change_alone(*scene, [&] { published = change(); });
   if (scenes_.trouble_with_disk())
-    published.warnings.emplace_back(
-        "state: the disk does not take it, and a restart of the service would lose it; the service's log "
-        "says why");
+    published.warnings.push_back(
+        Warning{WarningFlag::kState,
+                "the disk does not take it, and a restart of the service would lose it; the service's log "
+                "says why"}
+            .line());
   scenes_.keep_later(scene);
   refresh_later(scene, {.client = client,
                         .deadline = Workers::Clock::now() + kFreshWithin,

@@ -201,11 +201,10 @@ class EstimateReactor final
         "event=estimate_done call={} peer={} valid={:.3f} correlation={:.3f} warnings={} elapsed_s={:.4f}",
         id(), context_->peer(), e.valid_fraction, e.median_correlation,
         e.input_warnings.size() + e.modulus.warnings.size(), Seconds(Clock::now() - received_).count());
-    for (const std::string& warning : e.input_warnings)
-      spdlog::warn("event=estimate_doubtful call={} flag=input text=\"{}\"", id(), warning);
-    for (const ModulusWarning& warning : e.modulus.warnings)
-      spdlog::warn("event=estimate_doubtful call={} flag={} text=\"{}\"", id(), name_of(warning.flag),
-                   warning.text);
+    for (const auto& warnings : {e.input_warnings, e.modulus.warnings})
+      for (const Warning& warning : warnings)
+        spdlog::warn("event=estimate_doubtful call={} flag={} text=\"{}\"", id(), name_of(warning.flag),
+                     warning.text);
   }
   void worked(const std::exception_ptr& error) {
     upload_.reset();

@@ -134,7 +134,7 @@ v1::SceneKind kind_of(const SceneSnapshot& snapshot) {
 
 void evidence_to(const WindowEvidence& in, bool lone, std::uint64_t instance, v1::WindowEvidence* out) {
   for (const std::string& warning : in.warnings) out->add_warnings(warning);
-  if (lone) out->add_warnings(kLoneWarning);
+  if (lone) out->add_warnings(lone_warning());
   out->set_youngs_modulus_log_std(in.log_deviation);
   if (in.correlation_m > 0) out->set_youngs_modulus_correlation_m(in.correlation_m);
   out->set_force_relative_std(in.force_relative_deviation);

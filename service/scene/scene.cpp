@@ -243,7 +243,7 @@ Published Scene::publish(const WindowEstimate& estimate) {
             [](const auto& a, const auto& b) { return a->region.begin_x_m < b->region.begin_x_m; });
   mark_stale_around(*window, *next);
   Published published{window->id, window->version, {}};
-  if (next->lone(*window)) published.warnings.emplace_back(kLoneWarning);
+  if (next->lone(*window)) published.warnings.push_back(lone_warning());
   swap_in(next);
   return published;
 }

@@ -36,7 +36,7 @@ std::vector<std::string_view> SceneSnapshot::flags_of(const WindowModel& window)
   std::vector<std::string_view> flags;
   if (window.evidence)
     for (const std::string& warning : window.evidence->warnings) flags.push_back(flag_of(warning));
-  if (lone(window)) flags.emplace_back(kLoneFlag);
+  if (lone(window)) flags.emplace_back(name_of(WarningFlag::kLone));
   return flags;
 }
 

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "service/base/memory.h"
+#include "service/base/warning.h"
 #include "service/imaging/modulus/tissue_extent.h"
 #include "service/imaging/tracking/frame.h"
 #include "service/scene/geometry.h"
@@ -122,22 +123,11 @@ struct WindowEvidence {
 };
 
 // A window that no other one adjoins: its modulus' scale could not be compared with a neighbour's.
-constexpr const char* kLoneFlag = "lone";
-constexpr const char* kLoneWarning =
-    "lone: no window adjoins this one; its scale, which the probe's force sets, could not be compared with a "
-    "neighbour's";
-
-// The name of a warning, what stands before its colon.
-inline std::string_view flag_of(std::string_view warning) {
-  return warning.substr(0, warning.find(':'));
-}
-
-// Whether answers of a window with this doubt are not to be trusted: the force may be off by any factor, no
-// modulus explains what was measured, or the frames were no RF, or lay across the axes. All others are said,
-// and the answer stands; untracked tissue each touch judges itself (choices::kTrustedShare).
-// docs/guide/recorded-data.md shows the same.
-inline bool degrades(std::string_view flag) {
-  return flag == "wrong-force" || flag == "misfit" || flag == "image" || flag == "axis";
+inline std::string lone_warning() {
+  return Warning{WarningFlag::kLone,
+                 "no window adjoins this one; its scale, which the probe's force sets, could not be compared "
+                 "with a neighbour's"}
+      .line();
 }
 
 // What elastography hands over: E and its validity on the image grid, window coordinates (x = 0 at

@@ -195,7 +195,7 @@ TEST(AcquireSlices, ACorrectionThatFailsLeavesTheSlice) {
   AcquireSession session(server.address(), {}, frames, options_of(2), observer);
   const AcquireResult result = session.run(stop);
   EXPECT_EQ(result.windows.size(), 2u);
-  EXPECT_EQ(result.untracked, 0u) << "its slice is there";
+  EXPECT_EQ(result.refused, 0u) << "its slice is there";
   EXPECT_EQ(server.palpation.slices().size(), 2u);
   ASSERT_EQ(said.size(), 1u);
   EXPECT_NE(said[0].find("could not be tracked"), std::string::npos) << said[0];
@@ -211,7 +211,7 @@ TEST(AcquireSlices, OneThatCannotBeEstimatedDoesNotEndTheOthers) {
   observer.note = [&](const std::string& line) { said.push_back(line); };
   AcquireSession session(server.address(), {}, frames, options_of(3), observer);
   const AcquireResult result = session.run(stop);
-  EXPECT_EQ(result.untracked, 1u);
+  EXPECT_EQ(result.refused, 1u);
   expect_places(first_slices(server), {-0.005, 0});
   EXPECT_EQ(session.planes().count(0), 0u);
   ASSERT_EQ(said.size(), 1u);

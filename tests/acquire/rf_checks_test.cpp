@@ -63,6 +63,10 @@ TEST(RfAxis, IsWhereTheSamplesOscillate) {
   for (std::size_t k = 0; k < beneath.size(); ++k)
     if (k % kSamples >= 128) beneath[k] = all[k % all.size()];
   EXPECT_EQ(rf_axis(beneath, kSamples, kPeriod), RfAxis::kFastest);
+  constexpr std::size_t kFew = 60;  // lines, fewer than tell whether they oscillate
+  const std::vector<float> narrow(all.begin(), all.begin() + kFew * kSamples);
+  EXPECT_EQ(rf_axis(narrow, kSamples, kPeriod), RfAxis::kFastest);
+  EXPECT_EQ(rf_axis(turned(narrow, kSamples), kFew, kPeriod), RfAxis::kSlowest);
   EXPECT_EQ(rf_axis(std::vector<float>(kSamples * kLines), kSamples, kPeriod), RfAxis::kUnclear) << "silence";
   EXPECT_EQ(rf_axis(std::vector<float>(20 * 20, 1), 20, kPeriod), RfAxis::kUnclear) << "too few";
 }
@@ -202,6 +206,18 @@ TEST_F(RecordedRf, RatesThatTheEchoesContradictAreSaid) {
       << doubts(path);
   options_.sampling_frequency_hz = 13e6;
   EXPECT_NE(refusal(path).find("more than twice the centre frequency"), std::string::npos);
+}
+
+// Of a bone or a needle; a crop that it fills more of has the frequency of the whole.
+TEST_F(RecordedRf, FewLoudEchoesDoNotDecideTheFrequency) {
+  const std::vector<float> usual = rf();
+  std::vector<float> samples = usual;
+  for (std::size_t l = 0; l < kLines; l += 10)
+    for (std::size_t k = 0; k < kSamples / 2; ++k) {
+      const std::size_t at = kSamples * l + 3 * k / 4;  // three quarters of the frequency
+      samples[k + kSamples * l] = 50 * std::lerp(usual[at], usual[at + 1], static_cast<float>(3 * k % 4) / 4);
+    }
+  EXPECT_EQ(doubts(sequence(samples, "")), "");
 }
 
 TEST_F(RecordedRf, NanAndFramesThatAreInvalidAreRefused) {

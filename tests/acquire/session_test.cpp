@@ -188,7 +188,7 @@ TEST(AcquireSession, PublishesAheadOfTheFingerUntilItLeaves) {
   }
 }
 
-TEST(AcquireSession, AWindowThatCouldNotBeTrackedIsAcquiredAgain) {
+TEST(AcquireSession, AWindowThatIsRefusedIsSaidAndAcquiredAgain) {
   test::FakeServer server;
   server.create_scene("s");
   server.elastography.untracked_calls = 1;
@@ -196,10 +196,14 @@ TEST(AcquireSession, AWindowThatCouldNotBeTrackedIsAcquiredAgain) {
   std::atomic<bool> stop{false};
   AcquireOptions options = session_options();
   AcquireObserver observer;
+  std::vector<std::string> said;
+  observer.note = [&](const std::string& line) { said.push_back(line); };
   observer.ready = [&] { stop = true; };
   AcquireSession session(server.address(), {}, frames, options, observer);
   const AcquireResult result = session.run(stop);
-  EXPECT_EQ(result.untracked, 1u);
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_NE(said[0].find("FAILED_PRECONDITION"), std::string::npos) << said[0];
+  EXPECT_EQ(result.refused, 1u);
   EXPECT_EQ(result.windows.size(), 1u);
   EXPECT_EQ(frames.frames_left(0), 1u);
 }

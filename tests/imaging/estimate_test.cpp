@@ -68,8 +68,9 @@ TEST(Elastography, AnUnsolvedRefinementIsTold) {
   const auto warned = [&] {
     const Estimate e = Elastography(imaging_device(), options)
                            .estimate(still(), pressed(), {speckle_geometry(), force(10e3), slab()});
-    return std::any_of(e.input_warnings.begin(), e.input_warnings.end(),
-                       [](const std::string& w) { return w.find("unsolved after 1 iterations") < w.size(); });
+    return std::any_of(e.input_warnings.begin(), e.input_warnings.end(), [](const Warning& w) {
+      return w.text.find("unsolved after 1 iterations") < w.text.size();
+    });
   };
   EXPECT_TRUE(warned());
   options = {};

@@ -40,9 +40,11 @@ std::vector<std::string> warnings(double rest_y_m, const AcquisitionGeometry& ge
       },
       2);
   const TissueExtent extent{static_cast<double>(kLines) * geometry.line_pitch_m, kDepthM, 0, 0.0};
-  return elastography
-      .estimate(pre, post, {geometry, std::nullopt, extent, {}, {ModulusKind::kReferenceStress, {}}})
-      .input_warnings;
+  const Estimate e = elastography.estimate(
+      pre, post, {geometry, std::nullopt, extent, {}, {ModulusKind::kReferenceStress, {}}});
+  std::vector<std::string> lines;
+  for (const Warning& warning : e.input_warnings) lines.push_back(warning.line());
+  return lines;
 }
 
 // Noise of a Gaussian band, -6 dB width 60 % of its centre, in white noise.
@@ -79,6 +81,19 @@ TEST(InputChecks, MeanFrequencyIsThatOfTheEchoWhateverTheNoise) {
   EXPECT_TRUE(std::isnan(mean_frequency({64, 2, std::vector<float>(128, 3.f)}, 40e6)));
 }
 
+// A crop with a few loud echoes has the frequency of the whole.
+TEST(InputChecks, FewLoudEchoesDoNotDecideTheMeanFrequency) {
+  constexpr double kHz = 7e6, kFs = 40e6;
+  RfFrame frame = band(kHz, kFs, 40);
+  const RfFrame loud = band(0.6 * kHz, kFs, 40);
+  for (std::size_t l = 0; l < frame.line_count; ++l)
+    for (std::size_t k = 300; k < 500; ++k) {
+      const std::size_t n = k + frame.sample_count * l;
+      frame.samples[n] = 30 * loud.samples[n];
+    }
+  EXPECT_NEAR(mean_frequency(frame, kFs) / kHz, 1, 0.1);
+}
+
 // Lines for samples and samples for lines.
 RfFrame turned(const RfFrame& in) {
   RfFrame out{in.line_count, in.sample_count, std::vector<float>(in.samples.size())};
@@ -101,8 +116,8 @@ RfFrame envelope(const RfFrame& in) {
 
 TEST(InputChecks, WhatIsNoRfOrStandsAcrossIsNamed) {
   const auto named = [](const RfFrame& frame) {
-    const std::string said = contradicted_rf(frame).value_or(":");
-    return said.substr(0, said.find(':'));
+    const std::optional<Warning> said = contradicted_rf(frame);
+    return std::string(said ? name_of(said->flag) : "");
   };
   for (const double fs_hz : {40e6, 100e6})
     for (const double center_hz : {2.5e6, 5e6, 10e6})
@@ -145,6 +160,25 @@ TEST(InputChecks, ACentreFrequencyThatTheEchoesDoNotHaveIsNamed) {
   const auto said = warnings(0, geometry);
   ASSERT_EQ(said.size(), 1u);
   EXPECT_EQ(said[0].rfind("center_frequency_hz: 3.5 MHz is stated", 0), 0u) << said[0];
+}
+
+// Wherever they are refused: too few samples of depth are left to be tracked, or they have no strain.
+TEST(InputChecks, ARefusedPairThatLiesAcrossNamesItsAxis) {
+  Elastography elastography(imaging_device());
+  AcquisitionGeometry geometry = speckle_geometry();
+  const Speckle speckle = tissue(30);
+  const auto frame = [&](double strain) {
+    return turned(speckle.frame([=](double, double y) { return std::pair{0.0, strain * y}; }, 1));
+  };
+  const RfFrame pre = frame(0), post = frame(kStrain);
+  const TissueExtent extent{static_cast<double>(pre.line_count) * geometry.line_pitch_m, kDepthM, 0, 0.0};
+  try {
+    elastography.estimate(pre, post, {geometry, std::nullopt, extent});
+    FAIL() << "lines were tracked as samples";
+  } catch (const std::exception& refusal) {
+    EXPECT_NE(std::string(refusal.what()).find("axis: the samples do not oscillate"), std::string::npos)
+        << refusal.what();
+  }
 }
 
 // What may be the reason stands in the refusal.

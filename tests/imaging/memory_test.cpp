@@ -93,6 +93,24 @@ TEST(ImagingMemory, RequestBeyondTheBudgetIsRefusedWhole) {
   EXPECT_NO_THROW(estimate(engine)) << "less, or elsewhere, is served after a refusal";
 }
 
+// How tissues answer a push is kept for the pairs to come, in the name of who sent this one.
+TEST(ImagingMemory, WhatASolidKeepsIsHeldUntilAnotherComes) {
+  const auto budget = budget_of(kPlenty, kPlenty);
+  Elastography engine(imaging_device());
+  engine.charge_to({budget, "anna", ""});
+  TissueExtent solid = slab();
+  solid.plane = Plane::kSolid, solid.probe_elevation_m = 0.005;
+  const auto kept = [&] {
+    engine.estimate(pair().pre, pair().post, {speckle_geometry(), {}, solid});
+    return held(*budget, "tissues");
+  };
+  const std::uint64_t first = kept();
+  EXPECT_GT(first, 20 * sizeof(double)) << "of some twenty tissues";
+  EXPECT_EQ(kept(), first) << "the same pair asks for nothing more";
+  engine.charge_to({budget, "berta", ""});
+  EXPECT_EQ(held(*budget, "tissues"), 0U);
+}
+
 // What cannot be searched at all is refused before anything is taken for it, from the sizes alone; nobody's
 // idle engine has given way for it.
 TEST(ImagingMemory, WhatWouldNotFitIsRefusedBeforeAnythingIsTaken) {

@@ -166,7 +166,7 @@ double mean_off_in_deviations(const Estimate& e, double truth_pa) {
 
 bool warned(const Estimate& e, ModulusFlag flag) {
   return std::any_of(e.modulus.warnings.begin(), e.modulus.warnings.end(),
-                     [&](const ModulusWarning& w) { return w.flag == flag; });
+                     [&](const Warning& w) { return w.flag == flag; });
 }
 
 void print(const char* name, const Estimate& e) {

@@ -120,6 +120,20 @@ def test_estimates_that_cannot_be(service, lump, changes, field):
     assert caught.value.field == field and caught.value.remedy
 
 
+def test_sizes_that_are_refused_name_exchanged_axes(service):
+    random = np.random.default_rng(1)
+    band = np.exp(-((np.fft.rfftfreq(1024) - 0.18) / 0.05) ** 2)
+    lines = np.fft.irfft(np.fft.rfft(random.normal(size=(32, 1024))) * band)
+    turned = lines.astype(np.float32)  # as (samples, lines): 32 samples are too few
+    with pytest.raises(teletact.InvalidArgument, match="sample_count") as caught:
+        service.estimate(turned, turned, **ACQUISITION)
+    assert "pre.T" in caught.value.remedy
+    noise = random.normal(size=(32, 1024)).astype(np.float32)
+    with pytest.raises(teletact.InvalidArgument, match="sample_count") as caught:
+        service.estimate(noise, noise, **ACQUISITION)
+    assert "pre.T" not in caught.value.remedy, "it is another's fault"
+
+
 def test_uncertainties_are_sent(service, monkeypatch):
     of_force = {"force_n": 0.2, "contact_area_m2": 1e-4, "force_std_n": 0.01, "contact_area_std_m2": 2e-6,
                 "force_zero_n": -0.03, "force_zero_std_n": 0.004, "force_gain": 1.05, "force_gain_std": 0.06}

@@ -45,9 +45,12 @@ TEST_F(Estimates, SenselessAcquisitionsNameTheField) {
     });
   refused(INVALID_ARGUMENT, "acquisition.probe_force.force_n",
           [](auto& a) { a.mutable_probe_force()->set_force_n(-1); });
-  for (const double bad : {-0.1, 2.0, nan, std::numeric_limits<double>::infinity()})
+  for (const double bad : {-0.1, nan, std::numeric_limits<double>::infinity()})
     refused(INVALID_ARGUMENT, "acquisition.probe_force.force_std_n",
             [bad](auto& a) { a.mutable_probe_force()->set_force_std_n(bad); });
+  // That of a pair which was hardly pressed is no mistake of who states it: another may be taken.
+  refused(FAILED_PRECONDITION, "acquisition.probe_force.force_n: 2 N is within its own noise of 2.1 N",
+          [](auto& a) { a.mutable_probe_force()->set_force_std_n(2.1); });
   refused(INVALID_ARGUMENT, "acquisition.probe_force.contact_area_std_m2", [](auto& a) {
     a.mutable_probe_force()->set_contact_area_std_m2(a.probe_force().contact_area_m2());
   });

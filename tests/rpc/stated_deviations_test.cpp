@@ -7,6 +7,7 @@
 #include <string>
 
 #include "service/rpc/estimate_messages.h"
+#include "service/scene/errors.h"
 
 namespace teletact::service {
 namespace {
@@ -89,7 +90,7 @@ TEST(StatedDeviations, BeyondTheirValueOrWithoutItAreRefusedByName) {
   };
   refused(
       "probe_force.force_zero_std_n",
-      [](auto& a, double v) { a.mutable_probe_force()->set_force_zero_std_n(v); }, kForceN);
+      [](auto& a, double v) { a.mutable_probe_force()->set_force_zero_std_n(v); }, -kForceN);
   refused(
       "probe_force.force_gain_std", [](auto& a, double v) { a.mutable_probe_force()->set_force_gain_std(v); },
       1);
@@ -123,6 +124,35 @@ TEST(StatedDeviations, BeyondTheirValueOrWithoutItAreRefusedByName) {
               a.set_probe_elevation_std_m(0.001);
             }).find("of solid tissue alone"),
             std::string::npos);
+}
+
+// As a sensor shows it, below zero too, of a pair that was hardly pressed: the next may tell more.
+TEST(StatedDeviations, AForceWithinItsNoiseIsThePairsFault) {
+  constexpr double kNoiseN = 0.002;
+  const auto refusal = [](double force_n, double std_n, double zero_std_n) -> std::string {
+    v1::Acquisition a = acquisition();
+    v1::ProbeForce& force = *a.mutable_probe_force();
+    force.set_force_n(force_n), force.set_force_std_n(std_n), force.set_force_zero_std_n(zero_std_n);
+    try {
+      settled(a);
+    } catch (const Error& refused) {
+      EXPECT_EQ(refused.kind, ErrorKind::kPrecondition);
+      return refused.what();
+    } catch (const std::invalid_argument&) {
+      return "INVALID_ARGUMENT";
+    }
+    return "taken";
+  };
+  for (const double force_n : {kNoiseN, 0.5 * kNoiseN, 0.0, -4 * kNoiseN}) {
+    EXPECT_EQ(refusal(force_n, kNoiseN, 0).find("acquisition.probe_force.force_n: "), 0U) << force_n;
+    EXPECT_EQ(refusal(force_n, 0, kNoiseN), refusal(force_n, kNoiseN, 0));
+  }
+  const std::string said = refusal(0.0015, 0.002, 0.0015);
+  for (const char* part : {"0.0015 N", "0.0025 N", "press further"})
+    EXPECT_NE(said.find(part), std::string::npos) << said;
+  EXPECT_EQ(refusal(1.01 * kNoiseN, kNoiseN, 0), "taken");
+  EXPECT_EQ(refusal(-6 * kNoiseN, kNoiseN, 0), "INVALID_ARGUMENT") << "another sign is no noise";
+  EXPECT_EQ(refusal(-kNoiseN, 0, 0), "INVALID_ARGUMENT");
 }
 
 }  // namespace

@@ -4,20 +4,24 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <set>
 #include <string>
 #include <thread>
 
-#include "service/imaging/modulus/modulus.h"
+#include "service/base/warning.h"
 #include "service/scene/errors.h"
 #include "service/scene/scenes.h"
 #include "service/touch_plane/touch_session.h"
 #include "tests/scene/create_scene.h"
 #include "tests/scene/published.h"
 #include "tests/scene/windows.h"
+#include "tests/support/environment.h"
 
 namespace teletact::service {
 namespace {
@@ -44,8 +48,8 @@ TouchAnswer touched(const std::shared_ptr<Scene>& scene, double x_m) {
 
 TEST(Evidence, EachFlagDoesToATouchWhatTheTableSays) {
   using Flags = std::vector<std::string>;
-  for (int flag = 0; flag <= static_cast<int>(ModulusFlag::kLast); ++flag) {
-    const std::string name = name_of(static_cast<ModulusFlag>(flag));
+  for (const WarningKind& kind : kWarnings) {
+    const std::string name = kind.name;
     const TouchAnswer answer = touched(doubted({name + ": such and such"}), 0.045);
     const bool wrong = name == "wrong-force" || name == "misfit" || name == "image" || name == "axis";
     EXPECT_EQ(answer.status, wrong ? TouchStatus::kDegraded : TouchStatus::kOk) << name;
@@ -61,6 +65,35 @@ TEST(Evidence, EachFlagDoesToATouchWhatTheTableSays) {
   EXPECT_EQ(neighbour.status, TouchStatus::kOk) << "its own flags count, not its neighbour's";
 }
 
+// What `name` finds from `begin` to `end` of a file of the project.
+std::set<std::string> names_in(const char* file, const char* begin, const char* end, const char* name) {
+  std::ifstream in(fs::path(test::required_environment("TELETACT_SOURCE_DIR")) / file);
+  const std::string all{std::istreambuf_iterator<char>(in), {}};
+  const std::size_t from = all.find(begin);
+  EXPECT_NE(from, std::string::npos) << file << " has no " << begin;
+  const std::string part = all.substr(std::min(from, all.size()), all.find(end, from) - from);
+  const std::regex pattern(name);
+  std::set<std::string> names;
+  for (std::sregex_iterator at(part.begin(), part.end(), pattern), last; at != last; ++at)
+    names.insert((*at)[1]);
+  return names;
+}
+
+TEST(Evidence, GuideAndContractListTheWarningsOfTheTable) {
+  std::set<std::string> all, degrading;
+  for (const WarningKind& kind : kWarnings) {
+    all.insert(kind.name);
+    if (kind.degrades) degrading.insert(kind.name);
+  }
+  const char* const guide = "docs/guide/recorded-data.md";
+  EXPECT_EQ(names_in(guide, "## What the warnings mean", "**Touch", "(?:- |, )`([a-z_-]+)`(?=[,:])"), all);
+  EXPECT_EQ(names_in(guide, "**Touch on a window with warnings:**", "make it DEGRADED", "`([a-z_-]+)`"),
+            degrading);
+  EXPECT_EQ(names_in("proto/teletact/v1/elastography.proto", "Names, of the modulus",
+                     "repeated string warnings", "[:,]\\s(?:\\s*// )?([a-z_-]+)(?=[,;]| \\()"),
+            all);
+}
+
 TEST(Evidence, OfADoubtedWindowNothingIsForeseen) {
   TouchSession session(doubted({"wrong-force: such and such"}), {}, nullptr);
   EXPECT_FALSE(session.solve({0.045, -0.001}).foreseen.has_value());
@@ -73,10 +106,10 @@ TEST(Evidence, AWindowWithoutNeighboursIsLoneUntilItHasOne) {
     return scene->publish(window_of(homogeneous(10e3), x_m, kWindowM, kDepthM)).warnings;
   };
   const auto lone = [&](double x_m) {
-    return touched(scene, x_m).window_flags == std::vector<std::string>{kLoneFlag};
+    return touched(scene, x_m).window_flags == std::vector<std::string>{name_of(WarningFlag::kLone)};
   };
   ASSERT_EQ(publish(0.03).size(), 1U);
-  EXPECT_EQ(flag_of(publish(0.03)[0]), kLoneFlag) << "itself before is no neighbour";
+  EXPECT_EQ(flag_of(publish(0.03)[0]), name_of(WarningFlag::kLone)) << "itself before is no neighbour";
   EXPECT_TRUE(lone(0.045));
   EXPECT_EQ(publish(0.1).size(), 1U) << "a neighbour adjoins";
   EXPECT_TRUE(lone(0.045) && lone(0.115));
@@ -228,7 +261,7 @@ TEST_F(EvidenceOnDisk, TheFormatBeforeIsStillRead) {
   ASSERT_EQ(scenes.list().size(), 1U);
   const TouchAnswer answer = touched(scenes.find("a"), 0.045);
   EXPECT_EQ(answer.status, TouchStatus::kOk) << answer.warning;
-  EXPECT_EQ(answer.window_flags, std::vector<std::string>{kLoneFlag});
+  EXPECT_EQ(answer.window_flags, std::vector<std::string>{name_of(WarningFlag::kLone)});
   EXPECT_TRUE(std::isnan(scenes.find("a")->snapshot()->map->measured_log_deviation(0.045, 0.02)));
 }
 

@@ -127,8 +127,7 @@ RealWindow estimated(service::Elastography& elastography, const RealRow& row, st
     out = judge(e, w);
     out.seconds = seconds, out.processor_s = processor_s, out.modulus_s = e.modulus_s;
     std::set<std::string> said;
-    for (const service::ModulusWarning& warning : e.modulus.warnings)
-      said.insert(service::name_of(warning.flag));
+    for (const service::Warning& warning : e.modulus.warnings) said.insert(service::name_of(warning.flag));
     out.said.assign(said.begin(), said.end());
   } catch (const std::exception& error) {
     out.refused = true;

@@ -16,8 +16,8 @@
 #include "bench/basics/median.h"
 #include "bench/run_suite.h"
 #include "bench/suites/warnings/cases.h"
+#include "service/imaging/estimate.h"
 #include "service/imaging/modulus/judge.h"
-#include "service/imaging/tracking/input_checks.h"
 
 namespace teletact::bench {
 namespace {
@@ -60,8 +60,10 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WarningFigures, rows, cases)
 // The part of an estimate that comes after tracking.
 class AfterTracking {
  public:
-  AfterTracking()
-      : queue_(service::Device::open()->queue()),
+  AfterTracking() : AfterTracking(service::Device::open()) {}
+  explicit AfterTracking(const std::shared_ptr<service::Device>& device)
+      : whole_(device),
+        queue_(device->queue()),
         strips_(std::make_shared<service::StripCache>()),
         solid_(service::make_solid(queue_, {}, strips_)),
         iterative_(service::make_iterative(queue_, strips_)),
@@ -70,7 +72,8 @@ class AfterTracking {
   service::ModulusEstimate operator()(const WarnedWindow& w, std::uint64_t seed) {
     const service::Measured measured =
         w.plane ? w.plane->input().measured : measured_of(queue_, w.displacement, seed);
-    const service::ModulusInput input{measured, DrawnWindow::kWindowM, w.tissue, w.force, w.known, w.budget};
+    const service::ModulusInput input{measured,   DrawnWindow::kWindowM, w.tissue, w.force, w.known, w.budget,
+                                      w.tolerance};
     service::ModulusMethod& method = w.kind == service::ModulusKind::kSolid       ? *solid_
                                      : w.kind == service::ModulusKind::kIterative ? *iterative_
                                                                                   : *direct_;
@@ -78,8 +81,30 @@ class AfterTracking {
     service::judge(input, *strips_, out);
     return out;
   }
+  // Names of the warnings of frames, or of what a refusal says to be its cause.
+  std::vector<std::string> said_of(const StatedFrames& frames) {
+    std::vector<std::string> names;
+    try {
+      const double width_m = static_cast<double>(frames.pre.line_count) * frames.geometry.line_pitch_m,
+                   depth_m = static_cast<double>(frames.pre.sample_count) * frames.geometry.sample_pitch_m();
+      const service::Estimate e =
+          whole_.estimate(frames.pre, frames.post,
+                          {.geometry = frames.geometry,
+                           .force = std::nullopt,
+                           .tissue = {width_m, depth_m, 0, 0.49},
+                           .modulus = {.kind = service::ModulusKind::kReferenceStress}});
+      for (const service::Warning& warning : e.input_warnings) names.emplace_back(name_of(warning.flag));
+    } catch (const service::TrackingError& refusal) {
+      constexpr std::string_view kCause = "but first: ";
+      const std::string_view text = refusal.what();
+      if (const std::size_t at = text.find(kCause); at != std::string_view::npos)
+        names.emplace_back(service::flag_of(text.substr(at + kCause.size())));
+    }
+    return names;
+  }
 
  private:
+  service::Elastography whole_;
   service::Queue queue_;
   std::shared_ptr<service::StripCache> strips_;
   std::unique_ptr<service::ModulusMethod> solid_, iterative_, direct_;
@@ -114,16 +139,15 @@ bool misquotes(const std::string& text, double stated) {
 JudgedCase judged(AfterTracking& estimate, const WarnedWindow& w, const std::string& name,
                   std::uint64_t seed) {
   JudgedCase out{.name = name, .seed = seed};
-  if (w.frame) {
-    if (const auto said = service::contradicted_rf(*w.frame))
-      out.fired.push_back(said->substr(0, said->find(':')));
+  if (w.frames) {
+    out.fired = estimate.said_of(*w.frames);
     return out;
   }
   try {
     service::ModulusEstimate e;
     out.seconds = seconds_of([&] { e = estimate(w, seed); });
     out.background = e.background / w.background_pa, out.stated = median_said(e.log_deviation);
-    for (const service::ModulusWarning& warning : e.warnings) {
+    for (const service::Warning& warning : e.warnings) {
       out.fired.emplace_back(service::name_of(warning.flag));
       if (misquotes(warning.text, out.stated)) out.misquoted.push_back(out.fired.back());
     }

@@ -169,7 +169,7 @@ OwnDeviation deviation(const ModulusInput& in, ModulusEstimate& out) {
 }
 
 bool warned(const ModulusEstimate& e, ModulusFlag flag) {
-  return std::ranges::find(e.warnings, flag, &ModulusWarning::flag) != e.warnings.end();
+  return std::ranges::find(e.warnings, flag, &Warning::flag) != e.warnings.end();
 }
 
 void untracked(const ModulusInput& in, ModulusEstimate& out) {
@@ -315,7 +315,7 @@ void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
       all < 1 ? fmt::format("{:.0f} %", 100 * all) : fmt::format("a factor of {:.1f}", std::exp(all)));
   for (const Part& part : parts) {
     if (part.deviation < std::min(largest, kMaxDeviation)) continue;
-    const auto said = std::ranges::find(out.warnings, part.cause, &ModulusWarning::flag);
+    const auto said = std::ranges::find(out.warnings, part.cause, &Warning::flag);
     if (said == out.warnings.end())
       out.warn(part.cause, "{}{}", size, words_of(part.cause, part.stated));
     else if (said->text.find(size) == std::string::npos)
@@ -324,14 +324,6 @@ void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
 }
 
 }  // namespace
-
-const char* name_of(ModulusFlag flag) {
-  static constexpr const char* kNames[] = {"noise",     "streaks", "untracked",   "ramp",    "out-of-plane",
-                                           "pressure",  "extent",  "wrong-force", "misfit",  "deadline",
-                                           "elevation", "cut",     "models",      "unstated"};
-  static_assert(std::size(kNames) == static_cast<std::size_t>(ModulusFlag::kLast) + 1);
-  return kNames[static_cast<std::size_t>(flag)];
-}
 
 double correlation_with_common(double length_m, double own, double common) {
   constexpr double kFeltM = 5e-3, kMax = 0.99;

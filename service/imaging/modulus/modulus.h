@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/warning.h"
 #include "service/device/device.h"
 #include "service/imaging/modulus/strip_model.h"
 #include "service/imaging/modulus/tissue_extent.h"
@@ -54,29 +55,7 @@ struct ModulusInput {
 
 enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };
 
-// Reasons to doubt an estimate (T3.4); the words that go with one say where and how much.
-enum class ModulusFlag {
-  kNoise,       // the standard deviation of log E is large
-  kStreaks,     // the strain hardly determines the modulus somewhere: det A near 0, mu not positive
-  kUntracked,   // part of the window was not tracked; it says nothing
-  kRamp,        // the map ramps across the window: the traction is not that of a flat frictionless probe
-  kOutOfPlane,  // lateral strain is not what the plane assumption says
-  kPressure,    // the load is carried by pressure, which nu sets and no displacement tells: nu -> 1/2
-  kExtent,      // much of the window is no background: its contrast comes back short
-  kScale,       // the modulus is another by a factor than the neighbours told: a wrong force
-  kMisfit,      // no modulus explains the displacement within its noise
-  kDeadline,    // it did not settle
-  kElevation,   // what is stated of face and depth contradicts the strain
-  kCut,         // of its plan not all was afforded
-  kModels,      // the strain does not tell models of the tissue apart that differ in the modulus
-  kUnstated,    // what was not stated of face and tissue, or not well, leaves the modulus open
-  kLast = kUnstated
-};
-const char* name_of(ModulusFlag);  // in words of the log: "noise", "wrong-force"
-struct ModulusWarning {
-  ModulusFlag flag;
-  std::string text;
-};
+using ModulusFlag = WarningFlag;  // those of the modulus come first
 
 struct ModulusEstimate {
   Field youngs_modulus;  // Pa, or relative (median 1); NaN where nothing can be said
@@ -90,7 +69,7 @@ struct ModulusEstimate {
   int iterations = 0;
   int solves = 0;      // of a solid's forward model
   double start_s = 0;  // of work, that the direct method took where an iteration began with it
-  std::vector<ModulusWarning> warnings;
+  std::vector<Warning> warnings;
   bool absolute = false;
   double model_deviation = 0;           // of ln E, common: between models that the strain does not tell apart
   double unstated_deviation = 0;        // of ln E: by what was not stated of face and tissue

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/memory.h"
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/tissue/solid/solid_solver.h"
@@ -170,6 +171,7 @@ class ProbedSolid : public ProbedTissue {
       : face_(face),
         nodes_across_(across),
         tissue_(tissue_under(face, cells, across)),
+        held_(queue.account().charge(Place::kHost, "tissues", sizeof(double) * tissue_.grid.elements())),
         along_(within(face, tissue_.grid.nx, cells.columns, cells.spacing_m)),
         across_(within(face, tissue_.grid.nz, across - 1, tissue_.grid.spacing_z_m)),
         patch_(patch_under(tissue_.grid, cells, across)),
@@ -327,6 +329,7 @@ class ProbedSolid : public ProbedTissue {
   ProbeFace face_;
   std::size_t nodes_across_;
   SolidTissue tissue_;
+  Charge held_;                         // of its moduli
   std::vector<double> along_, across_;  // of elements: the share that lies within the tissue
   SurfacePatch patch_;
   Queue queue_;

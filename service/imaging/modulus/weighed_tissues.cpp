@@ -29,6 +29,11 @@ constexpr int kRoundsOfOthers = 2;
 constexpr double kWorthless = 5;       // ln of the odds against a model that is not looked at closer
 constexpr double kLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
 
+std::uint64_t bytes_of(const TissueAnswer& answer) {
+  return sizeof(answer) +
+         sizeof(double) * static_cast<std::uint64_t>(answer.log_strain.size() + answer.by_tilt.size());
+}
+
 }  // namespace
 
 // A field of cells in the middles of other cells.
@@ -44,8 +49,10 @@ TissueWeigher::TissueWeigher(const Queue& queue, const StrainOptions& strain,
     : queue_(queue), strain_(strain), strips_(std::move(strips)) {}
 
 void TissueWeigher::begin() {
-  constexpr std::ptrdiff_t kAnswers = 300;
-  if (std::ssize(answers_) > kAnswers) answers_.clear();
+  constexpr std::uint64_t kKeptBytes = 4 << 20;  // some 600 answers of a window of 60 x 40 mm
+  std::uint64_t bytes = 0;
+  for (const auto& known : answers_) bytes += bytes_of(*known);
+  if (bytes > kKeptBytes) answers_.clear();
   coarse_solves_ = 0;
 }
 
@@ -98,6 +105,7 @@ TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& fac
 }
 
 const TissueAnswer& TissueWeigher::keep(TissueAnswer answer) {
+  answer.held = queue_.account().charge(Place::kHost, "tissues", bytes_of(answer));
   answers_.push_back(std::make_unique<TissueAnswer>(std::move(answer)));
   return *answers_.back();
 }

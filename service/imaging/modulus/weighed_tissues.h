@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "service/base/memory.h"
 #include "service/imaging/modulus/cell_strains.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/modulus/robust_fit.h"
@@ -46,6 +47,7 @@ struct TissueAnswer {
   Eigen::VectorXd log_strain;  // as measured
   double log_force, lateral_ratio;
   Eigen::VectorXd by_tilt;  // d ln(strain), where it was asked for
+  Charge held = {};
 };
 
 // What all models are held against: coarse cells, linear about a face.
@@ -105,7 +107,7 @@ class TissueWeigher {
   // To the window's strain, at one scale, or (0) that of what it leaves itself.
   void fit(const TissueWindow&, CandidateTissue&, double scale) const;
 
-  void begin();  // a fit: counts its solves, and keeps no more than some hundred answers
+  void begin();  // a fit: counts its solves, and forgets what was kept where it is much
   int coarse_solves() const { return coarse_solves_; }
   static int max_coarse_solves(bool all);  // of reference() and weigh() together
   static int max_coarse_solves_of_reference();

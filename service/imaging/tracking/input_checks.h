@@ -4,9 +4,9 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
+#include "service/base/warning.h"
 #include "service/imaging/tracking/frame.h"
 
 namespace teletact::service {
@@ -15,17 +15,16 @@ namespace teletact::service {
 // enter: r2 / r1 = cos 2w / cos w, w = 2 pi f / fs. NaN without signal.
 double mean_frequency(const RfFrame&, double sampling_frequency_hz);
 
-// One line, "image" or "axis" first, when the samples do not oscillate along depth, or do so across the
-// lines.
-std::optional<std::string> contradicted_rf(const RfFrame& pre);
+// kImage or kAxis, when the samples do not oscillate along depth, or do so across the lines.
+std::optional<Warning> contradicted_rf(const RfFrame& pre);
 
-// One line, the field named first, when the centre frequency is not within 2/3 to 3/2 of the mean frequency.
-std::optional<std::string> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry&);
+// When the centre frequency is not within 2/3 to 3/2 of the mean frequency.
+std::optional<Warning> contradicted_frequency(const RfFrame& pre, const AcquisitionGeometry&);
 
-// The same when the side that rests in the stated frame moves more than the other. Of a pair that was
+// When the side that rests in the stated frame moves more than the other. Of a pair that was
 // tracked; `axial_displacement` and `trusted` on the grid.
-std::optional<std::string> contradicted_frame(const AcquisitionGeometry&, const ImageGrid&,
-                                              const Field& axial_displacement,
-                                              const std::vector<std::uint8_t>& trusted);
+std::optional<Warning> contradicted_frame(const AcquisitionGeometry&, const ImageGrid&,
+                                          const Field& axial_displacement,
+                                          const std::vector<std::uint8_t>& trusted);
 
 }  // namespace teletact::service

@@ -12,7 +12,7 @@ namespace teletact::service {
 namespace {
 
 bool flagged(const ModulusEstimate& e, ModulusFlag flag) {
-  for (const ModulusWarning& w : e.warnings)
+  for (const Warning& w : e.warnings)
     if (w.flag == flag) return !w.text.empty();
   return false;
 }
@@ -27,7 +27,7 @@ class Failures : public ::testing::TestWithParam<ModulusKind> {};
 
 TEST_P(Failures, AGoodPairIsNotFlagged) {
   Phantom phantom({});
-  for (const ModulusWarning& w : phantom.estimate(GetParam()).warnings) ADD_FAILURE() << w.text;
+  for (const Warning& w : phantom.estimate(GetParam()).warnings) ADD_FAILURE() << w.text;
 }
 
 // Noise amplified by derivatives: ten times the noise on a quarter of the push.
@@ -65,7 +65,7 @@ TEST(Doubt, NamesTheCauseAndTheNumberOfTheMap) {
   const auto expect = [&](const ModulusEstimate& e, std::vector<ModulusFlag> flags, const char* number) {
     for (const ModulusFlag flag :
          {ModulusFlag::kNoise, ModulusFlag::kModels, ModulusFlag::kUnstated, ModulusFlag::kCut}) {
-      const auto warning = std::ranges::find(e.warnings, flag, &ModulusWarning::flag);
+      const auto warning = std::ranges::find(e.warnings, flag, &Warning::flag);
       const bool said = warning != e.warnings.end();
       EXPECT_EQ(said, std::ranges::count(flags, flag) > 0) << name_of(flag);
       if (said) {

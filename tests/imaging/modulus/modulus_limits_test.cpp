@@ -42,10 +42,9 @@ TEST_P(Limits, WhatIsNotRecoveredIsNotClaimed) {
     std::printf("%.0f mm, contrast %.1f: standardised error %.2f, background %.2f kPa\n", 1e3 * i.diameter_m,
                 i.contrast, z, 1e-3 * e.background);
     EXPECT_LE(z, i.flagged ? 6 : 2) << i.diameter_m << " " << i.contrast;
-    EXPECT_EQ(i.flagged, std::any_of(e.warnings.begin(), e.warnings.end(),
-                                     [](const ModulusWarning& w) {
-                                       return w.flag == ModulusFlag::kExtent && !w.text.empty();
-                                     }))
+    EXPECT_EQ(i.flagged,
+              std::any_of(e.warnings.begin(), e.warnings.end(),
+                          [](const Warning& w) { return w.flag == ModulusFlag::kExtent && !w.text.empty(); }))
         << i.diameter_m << " " << i.contrast;
   }
 }

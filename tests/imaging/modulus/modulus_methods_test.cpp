@@ -91,7 +91,7 @@ TEST_P(Recovers, ContrastBackgroundAndShape) {
   EXPECT_GE(s.dice, 0.85);
   EXPECT_GE(s.standard_error, 0.4);
   EXPECT_LE(s.standard_error, 2);
-  for (const ModulusWarning& w : e.warnings) ADD_FAILURE() << w.text;
+  for (const Warning& w : e.warnings) ADD_FAILURE() << w.text;
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, Recovers,
@@ -200,7 +200,7 @@ TEST(Iterative, TakesTheStepsItHasAndSaysSo) {
     ModulusInput in = phantom.input();
     in.budget.steps = steps, in.budget.why_steps = "0.10 s are left";
     const ModulusEstimate e = method->estimate(in);
-    const auto warned = std::ranges::find(e.warnings, ModulusFlag::kCut, &ModulusWarning::flag);
+    const auto warned = std::ranges::find(e.warnings, ModulusFlag::kCut, &Warning::flag);
     const bool all = steps == ModulusBudget::kAll;
     EXPECT_EQ(warned == e.warnings.end(), all) << steps;
     EXPECT_EQ(e.converged, all) << steps;

@@ -15,7 +15,7 @@ namespace {
 
 bool flagged(const ModulusEstimate& e, ModulusFlag flag) {
   return std::any_of(e.warnings.begin(), e.warnings.end(),
-                     [=](const ModulusWarning& w) { return w.flag == flag && !w.text.empty(); });
+                     [=](const Warning& w) { return w.flag == flag && !w.text.empty(); });
 }
 
 double median(const Field& field) {

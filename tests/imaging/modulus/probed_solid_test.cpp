@@ -179,8 +179,7 @@ double background(const ModulusEstimate& e, const Measured& m) {
 }
 
 bool warned(const ModulusEstimate& e, ModulusFlag flag) {
-  return std::any_of(e.warnings.begin(), e.warnings.end(),
-                     [&](const ModulusWarning& w) { return w.flag == flag; });
+  return std::any_of(e.warnings.begin(), e.warnings.end(), [&](const Warning& w) { return w.flag == flag; });
 }
 
 bool says(const ModulusEstimate& e, const char* words) {
@@ -307,7 +306,7 @@ TEST(ProbeFit, CountsTheSameForAPairAsOftenAsItComes) {
 TEST(ProbeFit, WhatHardlyStrainsAndWouldBearTheForceIsSaid) {
   const auto said = [](const Pressed& pressed) {
     const ModulusEstimate e = pressed.estimate();
-    return std::any_of(e.warnings.begin(), e.warnings.end(), [](const ModulusWarning& w) {
+    return std::any_of(e.warnings.begin(), e.warnings.end(), [](const Warning& w) {
       return w.flag == ModulusFlag::kMisfit && w.text.find("seems not to touch") != std::string::npos;
     });
   };

@@ -49,7 +49,7 @@ Answer tracking_of(const service::Estimate& e) {
 
 Answer modulus_of(const service::Estimate& e) {
   std::vector<double> flags;
-  for (const service::ModulusWarning& warning : e.modulus.warnings)
+  for (const service::Warning& warning : e.modulus.warnings)
     flags.push_back(static_cast<double>(warning.flag));
   return {{"youngs_modulus", numbers(e.modulus.youngs_modulus)},
           {"youngs_modulus_log_std", numbers(e.modulus.log_deviation)},

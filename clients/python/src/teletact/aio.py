@@ -247,7 +247,7 @@ class Service:
             async for response in call:
                 answers.take(response)
         except grpc.RpcError as error:
-            raise self._of(from_rpc(error, "Estimate")) from None
+            raise self._of(estimates.with_cause(from_rpc(error, "Estimate"), before)) from None
         finally:
             call.cancel()  # where it has not ended
         return answers.dataset()

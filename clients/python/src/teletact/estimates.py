@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from teletact import arrays
-from teletact.errors import BadAnswer, InvalidArgument
+from teletact.errors import BadAnswer, InvalidArgument, TeletactError
 from teletact.v1 import common_pb2 as common
 from teletact.v1 import elastography_pb2 as elastography
 
@@ -19,6 +19,7 @@ _PLANES = {"strain": elastography.PLANE_CONDITION_STRAIN, "stress": elastography
 _METHODS = {"reference-stress": elastography.MODULUS_METHOD_REFERENCE_STRESS,
             "direct": elastography.MODULUS_METHOD_DIRECT, "iterative": elastography.MODULUS_METHOD_ITERATIVE,
             "solid": elastography.MODULUS_METHOD_SOLID}
+_SIZES = ("sample_count", "line_count")  # ends of the fields that refuse them
 _METHOD_NAMES = {number: name for name, number in _METHODS.items()}
 
 
@@ -95,6 +96,26 @@ def requests_of(acquisition: elastography.Acquisition, pre: Any, post: Any) -> I
             request.chunk.frame, request.chunk.offset_bytes = kind, offset
             request.chunk.data = bytes(data[offset:offset + _CHUNK_BYTES])
             yield request
+
+
+def lies_across(frame: Any) -> bool:
+    """Whether the samples of ``frame``, (lines, samples), oscillate across the lines and not along them."""
+    def low(lines: Any) -> float:  # the mean spectrum's density at its low end over that at its peak
+        piece = min(128, lines.shape[1])
+        pieces = lines[::max(1, len(lines) // 256), :lines.shape[1] // piece * piece].reshape(-1, piece).astype(float)
+        pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * np.hanning(piece)
+        each = np.abs(np.fft.rfft(pieces)) ** 2
+        density = (each / np.maximum(each.sum(axis=1, keepdims=True), np.finfo(float).tiny)).mean(axis=0)
+        return float(density[1:3].mean() / density[1:].max()) if density[1:].any() else float("nan")
+    return low(frame) > 0.5 and low(frame.T) < 0.25  # echoes have 0.004 at most, across the lines 0.85
+
+
+def with_cause(error: TeletactError, frame: Any) -> TeletactError:
+    """``error``; where a size is refused because the axes of ``frame`` are exchanged, with that."""
+    if not isinstance(error, InvalidArgument) or not error.field.endswith(_SIZES) or not lies_across(frame):
+        return error
+    return InvalidArgument(error.problem, field=error.field, call=error.call,
+                           remedy="the samples oscillate along the second axis: give pre.T and post.T")
 
 
 class Answers:

@@ -222,8 +222,13 @@ def _rows_of(entry: recording.RecordEntry, begin_ns: int) -> Iterator[tuple[str,
         summary = entry.estimate_response.summary
         row = {field.name: np.nan if field.has_presence and not summary.HasField(field.name)
                else getattr(summary, field.name)
-               for field in summary.DESCRIPTOR.fields if field.label != field.LABEL_REPEATED}
+               for field in summary.DESCRIPTOR.fields if not _is_repeated(field)}
         yield "estimates", {**row, "warnings": tuple(summary.warnings)}
+
+
+def _is_repeated(field: Any) -> bool:
+    # protobuf 7 has no label, the first ones no is_repeated
+    return bool(field.is_repeated if hasattr(field, "is_repeated") else field.label == field.LABEL_REPEATED)
 
 
 def _vector(message: Any, name: str) -> dict[str, float]:
