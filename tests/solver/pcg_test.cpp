@@ -231,6 +231,27 @@ TEST(Pcg, OperatorThatOverflowsIsTold) {
   EXPECT_EQ(p.solve(1e10 * random_vectors(p.stencil, 1, 7), m)[0].reason, StopReason::kNotFinite);
 }
 
+// Beside the operator's and the preconditioner's launches, and a look at the states.
+TEST(Pcg, AnIterationAsksLittleOfTheDevice) {
+  constexpr std::size_t kFew = 4, kMore = 8;
+  const auto work = [](std::size_t iterations) {
+    PcgOptions options;
+    options.relative_error = 0, options.max_iterations = iterations;
+    Problem<float> p(121, 122, 8, options);  // as many chunks as there are at most
+    NoPreconditioner<float> m(p.queue);
+    const MatrixXd b = random_vectors(p.stencil, 8, 5);
+    p.solve(b, m);
+    p.queue.take_work();
+    p.solve(b, m);
+    return p.queue.take_work();
+  };
+  const DeviceWork few = work(kFew), more = work(kFew + kMore);
+  EXPECT_LE(more.launches - few.launches, kMore * (1 + 7));
+  EXPECT_LE(more.copies - few.copies, kMore);  // the preconditioner
+  EXPECT_LE(more.waits - few.waits, kMore);
+  EXPECT_LE(more.longest_chain, 1024u);
+}
+
 TEST(Pcg, TooManyRightHandSidesAreRefused) {
   Problem<float> p(21, 16, 1, {});
   NoPreconditioner<float> m(p.queue);
