@@ -76,7 +76,7 @@ void check_told(const EstimateRequest& r) {
   const bool sound = r.force_std_n >= 0 && r.force_zero_std_n >= 0 && noise_n > 0 && std::isfinite(noise_n);
   if (!(sound && shown_n <= noise_n && shown_n > -kReach * noise_n)) return;
   throw Error(ErrorKind::kPrecondition,
-              fmt::format("acquisition.probe_force.force_n: {:.3g} N is within its own noise of {:.3g} N "
+              fmt::format("acquisition.probe_force.force_n: {:.3g} N is no more than its noise of {:.3g} N "
                           "(force_std_n, force_zero_std_n), so that the pair tells no modulus; press further "
                           "between the frames, or correct the noise",
                           shown_n, noise_n));

@@ -49,7 +49,7 @@ TEST_F(Estimates, SenselessAcquisitionsNameTheField) {
     refused(INVALID_ARGUMENT, "acquisition.probe_force.force_std_n",
             [bad](auto& a) { a.mutable_probe_force()->set_force_std_n(bad); });
   // That of a pair which was hardly pressed is no mistake of who states it: another may be taken.
-  refused(FAILED_PRECONDITION, "acquisition.probe_force.force_n: 2 N is within its own noise of 2.1 N",
+  refused(FAILED_PRECONDITION, "acquisition.probe_force.force_n: 2 N is no more than its noise of 2.1 N",
           [](auto& a) { a.mutable_probe_force()->set_force_std_n(2.1); });
   refused(INVALID_ARGUMENT, "acquisition.probe_force.contact_area_std_m2", [](auto& a) {
     a.mutable_probe_force()->set_contact_area_std_m2(a.probe_force().contact_area_m2());
