@@ -11,10 +11,10 @@ namespace teletact::client {
 namespace {
 
 constexpr double kMinQuality = 0.6;  // of the best pair's
-constexpr double kMaxApart = 2;       // stated deviations from the others, median over the nodes
-constexpr double kReachM = 5e-3;       // to each side, over which pairs are compared: errors are alike nearby
-constexpr double kMaxOwnPart = 0.5;   // of the stated variance: speckle, face, depth and model are one
-constexpr double kDifferMuch = 2;      // times the stated variance
+constexpr double kMaxApart = 2;      // stated deviations from the others, median over the nodes
+constexpr double kReachM = 5e-3;     // to each side, over which pairs are compared: errors are alike nearby
+constexpr double kMaxOwnPart = 0.5;  // of the stated variance: speckle, face, depth and model are one
+constexpr double kDifferMuch = 2;    // times the stated variance
 constexpr std::size_t kCompared = 4000;  // nodes, about, that pairs are compared by
 
 double middle_of(std::vector<double>& values) {
@@ -127,7 +127,7 @@ std::vector<double> summed_around(const std::vector<double>& values, const MapNo
 
 // Of one node over the pairs that tell it.
 struct Sums {
-  double w = 0, w_s = 0, w_x = 0, squares = 0;  // weight, weight x deviation, weight x value
+  double w = 0, w_s = 0, w_c = 0, w_x = 0;  // weight, x deviation, x its shared part, x value
   std::size_t count = 0;
   double mean() const { return w_x / w; }
 };
@@ -154,7 +154,8 @@ JoinedModulus join_moduli(const MapNodes& nodes, const std::vector<PairModulus>&
     for (std::size_t p = 0; p < pairs.size(); ++p)
       if (joint.in(p) && told(pairs[p], n)) {
         const double deviation = pairs[p].log_deviation[n], w = 1 / (deviation * deviation);
-        s.w += w, s.w_s += w * deviation, s.w_x += w * joint.value(p, n), ++s.count;
+        s.w += w, s.w_s += w * deviation, s.w_c += w * pairs[p].shared_deviation,
+            s.w_x += w * joint.value(p, n), ++s.count;
       }
     if (s.count < 2) continue;
     for (std::size_t p = 0; p < pairs.size(); ++p)
@@ -178,7 +179,7 @@ JoinedModulus join_moduli(const MapNodes& nodes, const std::vector<PairModulus>&
     double common = stated * stated, own = 0;
     if (s.count > 1) {
       const double differing = squares_around[n] / freedom_around[n];
-      common *= 1 - std::min(differing, kMaxOwnPart);
+      common = std::max(common * (1 - std::min(differing, kMaxOwnPart)), std::pow(s.w_c / s.w, 2));
       own = differing / s.w;
       one.push_back(stated), scatter.push_back(std::sqrt(differing) * stated);
       shared.push_back(std::sqrt(common)), part.push_back(differing);

@@ -18,6 +18,7 @@ struct PairModulus {
   std::vector<float> log_modulus;    // ln(E / Pa), or relative; NaN where nothing is said
   std::vector<float> log_deviation;  // standard deviation of it
   double quality = 0;                // 0 to 1
+  double shared_deviation = 0;       // the part of it that all places and pairs have alike, as it states
 };
 
 struct PairUse {

@@ -30,10 +30,18 @@ MapNodes nodes_of(const v1::Grid& grid) {
   return {grid.size(0), grid.size(1), grid.spacing_m(0), grid.spacing_m(1)};
 }
 
+// Of what is stated of force and tissue the force's noise alone is another for each pair.
+double shared_deviation(const EstimatedPair& pair) {
+  const v1::ProbeForce& force = pair.acquisition.probe_force();
+  const double common = pair.outcome.summary.youngs_modulus_common_log_std(),
+               noise = common > 0 ? force.force_std_n() / (force.force_n() - force.force_zero_n()) : 0;
+  return std::sqrt(std::max(0.0, common * common - noise * noise));
+}
+
 PairModulus modulus_of(const EstimatedPair& pair) {
   PairModulus out{values_of(map_of(pair.outcome.maps, "youngs_modulus")),
                   values_of(map_of(pair.outcome.maps, "youngs_modulus_log_std")),
-                  pair.outcome.summary.quality()};
+                  pair.outcome.summary.quality(), shared_deviation(pair)};
   const std::vector<float> valid = values_of(map_of(pair.outcome.maps, "valid"));
   if (valid.size() != out.log_modulus.size() || out.log_deviation.size() != out.log_modulus.size())
     throw std::runtime_error("the service sent maps of one pair on several grids");

@@ -112,6 +112,19 @@ TEST(JoinedModulus, ManyPairsDoNotMakeItSure) {
   EXPECT_FALSE(joined.differ);
 }
 
+// A gain, or a speed of sound, is as wrong in all pairs, however much their maps differ.
+TEST(JoinedModulus, WhatPairsStateToShareStays) {
+  std::mt19937 random(6);
+  std::vector<PairModulus> pairs;
+  for (int p = 0; p < 9; ++p) {
+    pairs.push_back(pair_of(0.1, sum(0.1, blurred_noise(random), 0, std::vector<double>(kSize))));
+    pairs.back().shared_deviation = 0.09;
+  }
+  const JoinedModulus joined = join_moduli(kNodes, pairs, true);
+  EXPECT_NEAR(joined.shared, 0.09, 1e-6);
+  EXPECT_NEAR(median(joined.log_deviation), std::hypot(0.09, 0.1 / 3), 0.005);
+}
+
 TEST(JoinedModulus, TheSurerPairWeighsMore) {
   std::mt19937 random(4);
   const std::vector<double> none(kSize);

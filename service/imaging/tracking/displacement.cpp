@@ -219,10 +219,16 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
     work_ = std::move(work);
   }
   Workspace& w = *work_;
+  int end = 0;  // of both frames
   const auto load = [&](const RfFrame& frame, Array<float>& image, Array<EchoSpan>& spans,
                         Array<EchoSpan>& inner) {
-    std::vector<EchoSpan> lines = find_echoes(frame, geometry).lines;
-    for (EchoSpan& span : lines) span.first = std::max(span.first, std::min(first, span.end));
+    Echoes echoes = find_echoes(frame, geometry);
+    std::vector<EchoSpan>& lines = echoes.lines;
+    if (&frame == &pre) end = still_from(pre, post, echoes.step);
+    for (EchoSpan& span : lines) {
+      span.end = std::min(span.end, std::max(end, span.first));
+      span.first = std::max(span.first, std::min(first, span.end));
+    }
     queue_.write(image, padded(frame, w.pad, lines).data(), w.pad.total);
     queue_.send(spans, lines.data(), lines.size());
     if (&frame == &pre) w.heard = lines;

@@ -138,23 +138,30 @@ std::vector<int> bright_rows(const Echoes& echoes) {
   return bright;
 }
 
-int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry) {
-  constexpr float kAlike = 0.7f;  // correlation without any motion; below it less than half of that
-  constexpr int kThick = 3;
-  const Echoes echoes = find_echoes(pre, geometry);
-  const std::vector<int> bright = bright_rows(echoes);
-  if (bright.empty()) return 0;
-  std::vector<float> alike;  // of each row
-  for (int r = 0; r < echoes.rows; ++r) {
+// Correlation of the frames without any motion, row by row.
+std::vector<float> alike_rows(const RfFrame& pre, const RfFrame& post, int rows, int step) {
+  std::vector<float> alike;
+  for (int r = 0; r < rows; ++r) {
+    check_cancelled();
     double own = 0, other = 0, both = 0;
     for (std::size_t l = 0; l < pre.line_count; ++l)
-      for (int k = std::max(r * echoes.step, 1); k < (r + 1) * echoes.step; ++k) {
+      for (int k = std::max(r * step, 1); k < (r + 1) * step; ++k) {
         const std::size_t n = static_cast<std::size_t>(k) + pre.sample_count * l;
         const double a = pre.samples[n] - pre.samples[n - 1], b = post.samples[n] - post.samples[n - 1];
         own += a * a, other += b * b, both += a * b;
       }
     alike.push_back(own > 0 && other > 0 ? static_cast<float>(both / std::sqrt(own * other)) : 1);
   }
+  return alike;
+}
+
+int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry) {
+  constexpr float kAlike = 0.7f;  // correlation without any motion; below it less than half of that
+  constexpr int kThick = 3;
+  const Echoes echoes = find_echoes(pre, geometry);
+  const std::vector<int> bright = bright_rows(echoes);
+  if (bright.empty()) return 0;
+  const std::vector<float> alike = alike_rows(pre, post, echoes.rows, echoes.step);
   for (auto row = bright.rbegin(); row != bright.rend(); ++row) {
     const auto above = alike.begin() + std::max(*row - kThick, 1), below = alike.begin() + *row + kThick;
     const auto silent = std::ranges::count_if(echoes.lines, [&](const EchoSpan& span) {
@@ -165,6 +172,19 @@ int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeome
       return *row * echoes.step;
   }
   return 0;
+}
+
+int still_from(const RfFrame& pre, const RfFrame& post, int step) {
+  constexpr float kStill = 0.95f, kMoving = 0.5f;
+  const int rows = static_cast<int>(pre.sample_count) / step;
+  const std::vector<float> alike = alike_rows(pre, post, rows, step);
+  int first = rows;
+  while (first > 0 && alike[static_cast<std::size_t>(first) - 1] > kStill) --first;
+  const auto about = static_cast<int>(kAbout);
+  if (first <= about || rows - first < about) return static_cast<int>(pre.sample_count);
+  // It may begin within the row before.
+  const auto above = alike.begin() + first - 1;
+  return typical({above - about, above}) < kMoving ? (first - 1) * step : static_cast<int>(pre.sample_count);
 }
 
 std::vector<EchoSpan> away_from_silence(const std::vector<EchoSpan>& lines, int samples, int half_lines,

@@ -24,6 +24,11 @@ Echoes find_echoes(const RfFrame&, const AcquisitionGeometry&);
 // bright as what is above and below, nothing is heard, or the same in both frames; 0: nothing looks like it.
 int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
 
+// The first sample of what stays the same up to the frames' end, to a twentieth of its power, below what
+// moves: hum that is locked to the transmission. Tissue that comes to rest does so gradually. `step`: that of
+// Echoes.
+int still_from(const RfFrame& pre, const RfFrame& post, int step);
+
 // The spans of `lines` less so many samples and lines beside what is silent.
 std::vector<EchoSpan> away_from_silence(const std::vector<EchoSpan>& lines, int samples, int half_lines,
                                         int half_samples);

@@ -127,20 +127,23 @@ void download(const Queue& queue, const StrainEstimate& strain, Measured& out) {
 }
 
 bool rests_below(double surface_m, const Measured& m) {
-  constexpr double kNearM = 2.5e-3, kMostM = 5e-3;  // near it echoes are weak
+  constexpr double kNearM = 4e-3, kMostM = 5e-3;  // near it echoes are weak
   const double from_m = surface_m + kNearM,
                each_m = std::min(kMostM, (m.grid.y_m(m.grid.size() - 1) - from_m) / 2);
-  const auto moved = [&](double first_m) -> std::optional<double> {
-    std::vector<float> values;
+  struct Moved {
+    double y_m, by_m;
+  };
+  const auto moved = [&](double first_m) -> std::optional<Moved> {
+    std::vector<float> places, values;
     for (std::size_t n = 0; n < m.grid.size(); ++n)
       if (m.displacement_valid[n] && m.grid.y_m(n) >= first_m && m.grid.y_m(n) < first_m + each_m)
-        values.push_back(m.axial_displacement[n]);
+        places.push_back(static_cast<float>(m.grid.y_m(n))), values.push_back(m.axial_displacement[n]);
     if (values.empty()) return std::nullopt;
-    return median(values);
+    return Moved{median(places), median(values)};
   };
-  const std::optional<double> upper = moved(from_m), lower = moved(from_m + each_m);
+  const std::optional<Moved> upper = moved(from_m), lower = moved(from_m + each_m);
   if (!upper || !lower) return false;
-  return from_m + each_m / 2 - *upper * each_m / (*lower - *upper) > surface_m / 2;
+  return upper->y_m - upper->by_m * (lower->y_m - upper->y_m) / (lower->by_m - upper->by_m) > surface_m / 2;
 }
 
 void leave_out_above(double depth_m, Measured& m) {

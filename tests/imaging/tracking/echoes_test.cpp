@@ -141,6 +141,36 @@ INSTANTIATE_TEST_SUITE_P(Kinds, SilentTail,
                          ::testing::Values(Tail::kZeros, Tail::kConstant, Tail::kHum, Tail::kNoise,
                                            Tail::kPattern));
 
+// As loud as half of the echoes, and of their spectrum: that it stays where it is tells it.
+TEST(Echoes, WhatStaysBelowMovingTissueIsNotValid) {
+  constexpr std::size_t kMoving = 448;
+  const Pair pair = changed(pressed(), [](float& sample, std::size_t l, std::size_t k, bool) {
+    if (k >= kMoving) sample = 0.5f * pressed().pre.samples[k + kSamples * l];
+  });
+  const Echoes echoes = find_echoes(pair.pre, tissue().geometry());
+  EXPECT_EQ(echoes.lines[kLines / 2].end, static_cast<int>(kSamples)) << "it is not silent";
+  const int from = still_from(pair.pre, pair.post, echoes.step);
+  EXPECT_LE(from, static_cast<int>(kMoving));
+  EXPECT_GE(from, static_cast<int>(kMoving) - 2 * echoes.step);
+  const Measured m = measure(pair);
+  EXPECT_EQ(valid_part(m, depth_m(kMoving) - 1e-3, 1), 0);
+  EXPECT_GE(valid_part(m, 0, depth_m(kMoving) - 2.5e-3), 0.95);
+}
+
+// Tissue on a far side that rests moves less and less towards it.
+TEST(Echoes, TissueThatComesToRestIsHeard) {
+  const auto moved = [](double rest_m) {
+    return tissue().frame(
+        [=](double, double y) {
+          return std::pair{0.0, -kStrain * std::max(rest_m - y, 0.0)};
+        },
+        2);
+  };
+  const int step = find_echoes(pressed().pre, tissue().geometry()).step;
+  EXPECT_EQ(still_from(pressed().pre, moved(depth_m(kSamples)), step), static_cast<int>(kSamples));
+  EXPECT_EQ(still_from(pressed().pre, pressed().pre, step), static_cast<int>(kSamples));
+}
+
 TEST(Echoes, OrdinarySpeckleIsHeardEverywhere) {
   for (const EchoSpan& span : find_echoes(pressed().pre, tissue().geometry()).lines)
     EXPECT_EQ(span, (EchoSpan{0, static_cast<int>(kSamples)}));
