@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -34,9 +35,8 @@ struct Lines {
 };
 
 std::size_t piece_of(double period) {
-  std::size_t piece = kMinPiece;
-  while (static_cast<double>(piece) < kMinPeriods * period && piece < kMaxPiece) piece *= 2;
-  return piece;
+  const double least = std::fmin(kMinPeriods * period, static_cast<double>(kMaxPiece));
+  return std::max(kMinPiece, std::bit_ceil(static_cast<std::size_t>(std::ceil(least))));
 }
 
 // Density of the mean spectrum of pieces of the lines at k / piece, k = 0 to piece / 2; without the pieces'

@@ -304,7 +304,8 @@ void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
   left = std::sqrt(std::max(0.0, left));
   const auto cause_of_left = [&] {
     if (out.kind != ModulusKind::kSolid || noise > left / 2) return ModulusFlag::kNoise;
-    for (const ModulusFlag flag : {ModulusFlag::kMisfit, ModulusFlag::kCut, ModulusFlag::kDeadline})
+    for (const ModulusFlag flag :
+         {ModulusFlag::kMisfit, ModulusFlag::kCut, ModulusFlag::kDeadline, ModulusFlag::kRamp})
       if (warned(out, flag)) return flag;
     return ModulusFlag::kModels;
   };
