@@ -107,7 +107,9 @@ class SolidModulusMethod : public ModulusMethod {
     const auto affords = [&](FitEffort effort) {
       return in.budget.solves >= ProbeFitter::max_solves(effort) + kMaxSteps + kForceSolves;
     };
-    const FitEffort effort = affords(FitEffort::kWeighed) ? FitEffort::kWeighed : FitEffort::kUsual;
+    const FitEffort effort = affords(FitEffort::kAllStarts) ? FitEffort::kAllStarts
+                             : affords(FitEffort::kWeighed) ? FitEffort::kWeighed
+                                                            : FitEffort::kUsual;
     // By what the fit may solve, not by what it did: that depends on what is kept of the pair before.
     const int steps =
         std::clamp(in.budget.solves - ProbeFitter::max_solves(effort) - kForceSolves, 1, kMaxSteps);
