@@ -36,6 +36,7 @@ constexpr double kFarFromStated = 3;  // deviations of it: that is another start
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
 constexpr double kLeastWeight = 0.01;    // of a tissue that counts
+constexpr double kOther = 0.25;          // of ln of depth or elevation: other tissue of the same kind
 constexpr double kSure = 0.9;            // weight: no other tissue is named
 constexpr double kSpreadOfDepth = 0.29;  // deviation of the cells' depth, in images
 
@@ -91,6 +92,46 @@ double alike_m2(const VectorXd& left, const CellGrid& cells, double scale) {
   return std::max(kAlikeM2, sum * cells.spacing_m * cells.row_m);
 }
 
+// What ends here or there ends: whether and how, and whether it slides.
+std::array<int, 2> kind_of(const CandidateTissue& m) {
+  return {m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2, m.face.slides};
+}
+
+// Whether the fits of one kind lead to the same face and depth.
+bool leads_alike(const CandidateTissue& a, const CandidateTissue& b) {
+  const auto apart = [&](double ProbeFace::*length, Index column) {
+    return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
+  };
+  return a.block ||
+         std::max(apart(&ProbeFace::elevation_m, kElevation), apart(&ProbeFace::depth_m, kDepth)) < kOther;
+}
+
+// Weights of all. A kind that two starts lead to the same face and depth counts once, as the likelier says.
+void weigh_together(std::vector<WeighedTissues>& starts) {
+  using Models = std::vector<CandidateTissue*>;  // of one kind and start, the likeliest first
+  std::vector<Models> counted;
+  for (WeighedTissues& start : starts) {
+    std::map<std::array<int, 2>, Models> kinds;
+    for (CandidateTissue& m : start.models) kinds[kind_of(m)].push_back(&m);
+    for (auto& [kind, models] : kinds) {
+      std::ranges::sort(models, std::ranges::greater{}, &CandidateTissue::odds);
+      const auto twin = std::ranges::find_if(counted, [&](const Models& others) {
+        return kind_of(*others[0]) == kind && leads_alike(*others[0], *models[0]);
+      });
+      if (twin == counted.end())
+        counted.push_back(models);
+      else if (models[0]->odds() > (*twin)[0]->odds())
+        *twin = models;
+    }
+  }
+  double best = -HUGE_VAL, sum = 0;
+  for (const Models& models : counted) best = std::max(best, models[0]->odds());
+  for (const Models& models : counted)
+    for (CandidateTissue* m : models) sum += m->weight = std::exp(m->odds() - best);
+  for (const Models& models : counted)
+    for (CandidateTissue* m : models) m->weight /= sum;
+}
+
 // Cells that tell no modulus: near the face, and where homogeneous tissue hardly strains.
 void leave_out(const VectorXd& log_strain, const CellGrid& cells, VectorXd& observed) {
   std::vector<double> values(log_strain.begin(), log_strain.end());
@@ -107,9 +148,12 @@ ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::s
     : queue_(queue), strips_(strips), weigher_(queue, strain, std::move(strips)) {}
 
 int ProbeFitter::max_solves(FitEffort effort) {
-  const bool all = effort == FitEffort::kWeighed;
-  const int of_weighing = TissueWeigher::max_coarse_solves(all),
-            coarse = all ? TissueWeigher::max_coarse_solves_of_reference() + 2 * of_weighing : of_weighing;
+  const bool all = effort != FitEffort::kUsual;
+  const int starts = effort == FitEffort::kAllStarts ? 3
+                     : all                           ? 2
+                                                     : 1,
+            coarse = starts * TissueWeigher::max_coarse_solves(all) +
+                     (all ? TissueWeigher::max_coarse_solves_of_reference() : 0);
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
@@ -139,11 +183,17 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   for (std::size_t c = 0; c < w.cells.size(); ++c)
     w.of_depth[static_cast<Index>(c)] = w.cells.y_m(c) / image_m - 0.5;
 
-  const bool all = effort == FitEffort::kWeighed;
+  const bool all = effort != FitEffort::kUsual;
   w.as_stated = !all;
-  WeighedTissues found = weigher_.weigh(w, usual(w), all);
+  std::vector<WeighedTissues> starts{weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
+  bool untried = !all;
   if (all) {
-    std::vector<WeighedTissues> starts;
+    const auto from = [&](const ProbeFace& face, int rounds) {
+      try {
+        starts.insert(starts.begin(), weigher_.weigh(w, face, true, rounds));
+      } catch (const std::invalid_argument&) {  // that face is beyond what is modelled
+      }
+    };
     // What is stated may be wrong by more than is linear: from where it would be if nothing were stated.
     if (w.elevation.stated || w.depth.stated) {
       TissueExtent nothing = in.tissue;
@@ -155,53 +205,64 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       };
       try {
         const ProbeFace free = weigher_.reference(open, usual(open), kRoundsOfReference).face;
-        if (far(w.elevation, free.elevation_m) || far(w.depth, free.depth_m))
-          starts.push_back(weigher_.weigh(w, free, true));
-      } catch (const std::invalid_argument&) {  // that face is beyond what is modelled
+        if (far(w.elevation, free.elevation_m) || far(w.depth, free.depth_m)) from(free, kRoundsOfReference);
+      } catch (const std::invalid_argument&) {
       }
     }
-    starts.push_back(std::move(found));
+    // Tissue that ends may be shallower than is stated where tissue that goes on is not.
+    const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarFromStated * w.depth.deviation;
+    untried = deep && effort != FitEffort::kAllStarts;
+    if (deep && effort == FitEffort::kAllStarts) {
+      ProbeFace shallow = usual(w);
+      shallow.depth_m = image_m;
+      from(shallow, 1);
+    }
     const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
-                                 return s.least().fit.rest;
-                               })->least();
+                                     return s.least().fit.rest;
+                                   })->least();
     const double scale = std::hypot(least.fit.rest, kModelLog),
                  places = w.cells.spacing_m * w.cells.row_m / alike_m2(least.fit.left, w.cells, scale);
     for (WeighedTissues& start : starts) {
       start.window.places = places;
       for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
     }
-    found =
-        std::move(*std::ranges::max_element(starts, {}, [](const WeighedTissues& s) { return s.best(); }));
+    // Else a depth that is stated truly is doubted with the heavy tails of what is stated.
+    if (!deep) {
+      WeighedTissues best = *std::ranges::max_element(starts, {}, &WeighedTissues::best);
+      starts = {std::move(best)};
+    }
   }
-  const double best = found.best();
-  double sum = 0;
-  for (CandidateTissue& m : found.models) sum += m.weight = std::exp(m.odds() - best);
-  for (CandidateTissue& m : found.models) m.weight /= sum;
-  ProbeFit out = publish(found, in, sign, all);
+  weigh_together(starts);
+  ProbeFit out = publish(starts, in, sign, all, untried);
   out.top_m = top_m;
   if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
   out.solves = (weigher_.coarse_solves() + kCoarsePerSolve - 1) / kCoarsePerSolve;
   return out;
 }
 
-ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput& in, double sign, bool all) {
-  const TissueWindow& w = weighed.window;
+ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const ModulusInput& in, double sign,
+                              bool all, bool untried) {
   // By kind: what ends here or there ends.
   struct Kind {
     const CandidateTissue* of;
+    const TissueWindow* window;
     double weight;
   };
-  std::map<std::array<int, 2>, Kind> kinds;
-  for (const CandidateTissue& m : weighed.models) {
-    const int ends = m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2;
-    Kind& kind = kinds.try_emplace({ends, m.face.slides}, Kind{&m, 0}).first->second;
-    kind.weight += m.weight;
-    if (m.weight > kind.of->weight) kind.of = &m;
+  std::map<std::array<int, 3>, Kind> kinds;
+  for (int start = 0; const WeighedTissues& weighed : starts) {
+    for (const CandidateTissue& m : weighed.models) {
+      const auto [ends, slides] = kind_of(m);
+      Kind& kind = kinds.try_emplace({ends, slides, start}, Kind{&m, &weighed.window, 0}).first->second;
+      kind.weight += m.weight;
+      if (m.weight > kind.of->weight) kind.of = &m;
+    }
+    ++start;
   }
   std::vector<Kind> order;
   for (const auto& [_, kind] : kinds) order.push_back(kind);
   std::ranges::sort(order, std::ranges::greater{}, [](const Kind& k) { return k.weight; });
   const CandidateTissue& likeliest = *order[0].of;
+  const TissueWindow& w = *order[0].window;
 
   // In the cells of the likeliest.
   ProbeFit out;
@@ -221,8 +282,8 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
 
   // Of a face on tissue that goes on, about the same for all.
   double log_share = 0;
-  if (in.force && std::ranges::any_of(weighed.models, [](const CandidateTissue& m) {
-        return m.face.goes_on() && m.weight > kLeastWeight;
+  if (in.force && std::ranges::any_of(order, [](const Kind& kind) {
+        return kind.of->face.goes_on() && kind.weight > kLeastWeight;
       }))
     log_share = std::log(out.face.goes_on() ? out.tissue->force_share()
                                             : make_probed_solid(queue_, w.face, kCoarseCellM)->force_share());
@@ -232,27 +293,30 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
     log_strain.array() -= in.force ? log_force : w.measured.observed.dot(log_strain) / observed;
     return log_strain;
   };
-  const auto found = [&](const CandidateTissue& m, double share = 1) {
+  const auto found = [&](const TissueWindow& about, const CandidateTissue& m, double share = 1) {
     VectorXd log_strain = m.answer->log_strain;
-    if (!m.block) log_strain += w.finer;
+    if (!m.block) log_strain += about.finer;
     double log_force = m.answer->log_force - (m.face.goes_on() ? log_share : 0);
     const auto add = [&](Index column, const VectorXd& of_strain, double of_force) {
       log_strain += share * m.fit.at[column] * of_strain, log_force += share * m.fit.at[column] * of_force;
     };
     if (!m.block && all) {
-      add(kElevation, w.by_elevation, w.force_by_elevation), add(kDepth, w.by_depth, w.force_by_depth);
+      add(kElevation, about.by_elevation, about.force_by_elevation);
+      add(kDepth, about.by_depth, about.force_by_depth);
       if (m.by_beside.size()) add(kBeside, m.by_beside, m.force_by_beside);
     }
     return of_modulus(std::move(log_strain), log_force);
   };
-  const VectorXd used = found(likeliest, 0);
-  VectorXd mean = VectorXd::Zero(used.size());
-  for (const CandidateTissue& m : weighed.models)
-    if (m.weight > kLeastWeight) mean += m.weight * (found(m) - used);
+  const VectorXd used = found(w, likeliest, 0);
+  VectorXd mean = VectorXd::Zero(used.size()), variance = mean;
+  const auto of_all = [&](const auto& add) {
+    for (const WeighedTissues& weighed : starts)
+      for (const CandidateTissue& m : weighed.models)
+        if (m.weight > kLeastWeight) add(m.weight, found(weighed.window, m) - used);
+  };
+  of_all([&](double weight, const VectorXd& beyond) { mean += weight * beyond; });
+  of_all([&](double weight, const VectorXd& beyond) { variance += weight * (beyond - mean).cwiseAbs2(); });
   out.shift = in_cells(mean);
-  VectorXd variance = VectorXd::Zero(used.size());
-  for (const CandidateTissue& m : weighed.models)
-    if (m.weight > kLeastWeight) variance += m.weight * (found(m) - used - mean).cwiseAbs2();
   out.between = in_cells(variance.cwiseSqrt());
   // And what the likeliest leaves open of itself; of a block, whose length alone bears the force, that.
   if (likeliest.block && in.force)
@@ -276,7 +340,7 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
   out.rest = std::abs(grading) < kMaxGrading ? likeliest.fit.rest
                                              : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);
   out.as_usual = !all && !(w.elevation.stated && w.depth.stated);
-  out.unweighed = !all && out.rest > kWellExplained;
+  out.unweighed = untried && out.rest > kWellExplained;
   // Nor was it where the face is tilted so much.
   const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
   if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);
@@ -301,13 +365,15 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
                                                : out.as_usual ? "usual"
                                                               : "fitted");
   };
-  const auto words_of = [](const CandidateTissue& m) -> std::string {
+  const auto words_of = [&likeliest](const CandidateTissue& m) -> std::string {
     if (m.block) return "is a block as wide as the probe, its bottom unseen";
     const std::string end = m.face.goes_on() ? "continues beside the probe"
                             : m.face.beside_m > 0
                                 ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
                                 : "is as wide as the probe";
-    return end + (m.face.slides ? " and slides on its support" : "");
+    const bool other_depth = std::abs(std::log(m.face.depth_m / likeliest.face.depth_m)) > kOther;
+    return end + (m.face.slides ? " and slides on its support" : "") +
+           (other_depth ? fmt::format(" and is {:.0f} mm deep", 1e3 * m.face.depth_m) : "");
   };
   std::string tissue = words_of(likeliest);
   if (order[0].weight < kSure)

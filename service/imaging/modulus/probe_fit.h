@@ -15,8 +15,8 @@
 namespace teletact::service {
 
 // What is tried, decided before the first solve: tissue that goes on beside the probe under a face as stated
-// or usual; or all.
-enum class FitEffort { kUsual, kWeighed };
+// or usual; or all; or all from shallower tissue, too.
+enum class FitEffort { kUsual, kWeighed, kAllStarts };
 
 // Cells are those of `tissue`.
 struct ProbeFit {
@@ -52,7 +52,8 @@ class ProbeFitter {
   void forget() { kept_.reset(), weigher_.forget(); }
 
  private:
-  ProbeFit publish(const WeighedTissues&, const ModulusInput&, double sign, bool all);
+  ProbeFit publish(const std::vector<WeighedTissues>& starts, const ModulusInput&, double sign, bool all,
+                   bool untried);
   Queue queue_;
   std::shared_ptr<StripCache> strips_;
   TissueWeigher weigher_;

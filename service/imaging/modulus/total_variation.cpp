@@ -45,7 +45,7 @@ double TotalVariation::value(const Eigen::VectorXd& v) const {
   return sum;
 }
 
-Eigen::SparseMatrix<double> TotalVariation::lagged(const Eigen::VectorXd& v) const {
+Eigen::SparseMatrix<double> TotalVariation::lagged(const Eigen::VectorXd& v, double edge_per_m) const {
   std::vector<Eigen::Triplet<double>> entries;
   entries.reserve(8 * nx_ * ny_);
   const auto couple = [&](std::size_t a, std::size_t b, double weight) {
@@ -56,7 +56,7 @@ Eigen::SparseMatrix<double> TotalVariation::lagged(const Eigen::VectorXd& v) con
   for (std::size_t j = 0; j < ny_; ++j) {
     check_cancelled();
     for (std::size_t i = 0; i < nx_; ++i) {
-      const double weight = area(i, j) / gradient(v, i, j).size;
+      const double size = gradient(v, i, j).size, weight = area(i, j) / (size * (1 + size / edge_per_m));
       const std::size_t e = i + nx_ * j;
       if (i + 1 < nx_) couple(e, e + 1, weight / (to_right_[i] * to_right_[i]));
       if (j + 1 < ny_) couple(e, e + nx_, weight / (to_below_[j] * to_below_[j]));

@@ -1,9 +1,11 @@
 // Total variation of one value per element of a tissue grid, smoothed (T3.3), and its lagged-diffusivity
 // matrix (Vogel and Oman 1996): TV = sum_e |e| sqrt(|grad v|^2 + floor^2), grad by differences to the right
-// and below; near v, TV ~ v^T L(v) v / 2.
+// and below; near v, TV ~ v^T L(v) v / 2. Each edge costs by its height, which lowers lumps; with a finite
+// `edge_per_m`, what is steeper than that costs by ln of its height.
 #pragma once
 
 #include <Eigen/SparseCore>
+#include <limits>
 #include <vector>
 
 #include "service/tissue/grid.h"
@@ -18,7 +20,8 @@ class TotalVariation {
  public:
   explicit TotalVariation(const TissueGrid&);
   double value(const Eigen::VectorXd& v) const;  // less that of a constant
-  Eigen::SparseMatrix<double> lagged(const Eigen::VectorXd& v) const;
+  Eigen::SparseMatrix<double> lagged(const Eigen::VectorXd& v,
+                                     double edge_per_m = std::numeric_limits<double>::infinity()) const;
 
  private:
   struct Gradient {

@@ -23,7 +23,6 @@ constexpr double kBesideAsStated = 0.9, kAsWideM = 0.5e-3;
 constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps between the places
 
 constexpr double kVary = 0.15, kTiltStep = 0.1;
-constexpr double kLinear = 0.15;  // of ln of elevation and depth: as far as a step is true, about
 constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
 constexpr int kRoundsOfOthers = 2;
 constexpr double kWorthless = 5;       // ln of the odds against a model that is not looked at closer
@@ -264,9 +263,9 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<Candidate
   }
 }
 
-WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start, bool all) {
+WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start, bool all, int rounds) {
   WeighedTissues out{std::move(window), {}};
-  out.models.push_back(reference(out.window, start, all ? kRoundsOfReference : 1));
+  out.models.push_back(reference(out.window, start, rounds));
   if (!all) return out;
   consider_others(out.window, out.models);
   for (CandidateTissue& m : out.models) fit(out.window, m, 0);

@@ -19,6 +19,7 @@ namespace teletact::service {
 // Over so much of the image tissue and model differ alike.
 inline constexpr double kAlikeM2 = 25e-6;
 inline constexpr double kModelLog = 0.05;       // of ln(strain): what no such model explains
+inline constexpr double kLinear = 0.15;         // of ln of elevation and depth: as far as a step is true
 inline constexpr double kUsualTilt = 0.3;       // of the push, to an end of the face
 inline constexpr double kMaxTiltOfSides = 0.2;  // of the same: with more no sides are tried
 inline constexpr double kLogStated = 0.1;       // of what is stated without a deviation of its own
@@ -102,8 +103,8 @@ class TissueWeigher {
   const TissueAnswer& answer(ProbeFace, bool tilted = false, double cell_m = kCoarseCellM);
   // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
   CandidateTissue reference(TissueWindow&, const ProbeFace& start, int rounds);
-  // `all`: what else the tissue may be, too; else the reference alone, as it starts.
-  WeighedTissues weigh(TissueWindow, const ProbeFace& start, bool all);
+  // The reference, which moves from its start in `rounds` less one; `all`: what else the tissue may be, too.
+  WeighedTissues weigh(TissueWindow, const ProbeFace& start, bool all, int rounds);
   // To the window's strain, at one scale, or (0) that of what it leaves itself.
   void fit(const TissueWindow&, CandidateTissue&, double scale) const;
 

@@ -226,6 +226,16 @@ TEST(ProbeFit, BelievesAStatedWidth) {
   }
 }
 
+// Tissue that goes on may hold a depth that is stated half too large; tissue that ends does not.
+TEST(ProbeFit, AWrongDepthOfTissueThatEndsIsFoundAndSaid) {
+  const Pressed pressed(face(0.010));
+  const ModulusEstimate e = pressed.estimate({}, {}, 1.5 * kDepthM);
+  std::printf("background %.2f kPa: %s\n", 1e-3 * background(e, pressed.measured), e.model.c_str());
+  EXPECT_TRUE(says(e, "(stated as 30.0)")) << e.model;
+  EXPECT_TRUE(warned(e, ModulusFlag::kElevation)) << e.model;
+  EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, 0.1) << e.model;
+}
+
 // Rounding must not tell the cells of a depth from those of the image: 15 mm once did.
 TEST(ProbeFit, ADepthWithinTheImageIsAnswered) {
   const Pressed pressed(face());
