@@ -199,6 +199,7 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
     if (m.weight > kind.of->weight) kind.of = &m;
   }
   std::vector<Kind> order;
+  order.reserve(kinds.size());
   for (const auto& [_, kind] : kinds) order.push_back(kind);
   std::ranges::sort(order, std::ranges::greater{}, [](const Kind& k) { return k.weight; });
   const CandidateTissue& likeliest = *order[0].of;
