@@ -34,7 +34,6 @@ struct WarnedWindow {
   service::KnownModulus known;
   service::ModulusBudget budget;
   service::ModulusKind kind = service::ModulusKind::kSolid;
-  double tolerance = 0.03;  // as ModulusInput's
   double background_pa = 10e3;
 };
 

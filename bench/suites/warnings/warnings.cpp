@@ -72,8 +72,7 @@ class AfterTracking {
   service::ModulusEstimate operator()(const WarnedWindow& w, std::uint64_t seed) {
     const service::Measured measured =
         w.plane ? w.plane->input().measured : measured_of(queue_, w.displacement, seed);
-    const service::ModulusInput input{measured,   DrawnWindow::kWindowM, w.tissue, w.force, w.known, w.budget,
-                                      w.tolerance};
+    const service::ModulusInput input{measured, DrawnWindow::kWindowM, w.tissue, w.force, w.known, w.budget};
     service::ModulusMethod& method = w.kind == service::ModulusKind::kSolid       ? *solid_
                                      : w.kind == service::ModulusKind::kIterative ? *iterative_
                                                                                   : *direct_;

@@ -259,6 +259,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
     ++start;
   }
   std::vector<Kind> order;
+  order.reserve(kinds.size());
   for (const auto& [_, kind] : kinds) order.push_back(kind);
   std::ranges::sort(order, std::ranges::greater{}, [](const Kind& k) { return k.weight; });
   const CandidateTissue& likeliest = *order[0].of;

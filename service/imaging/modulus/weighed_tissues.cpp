@@ -188,7 +188,7 @@ CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start
     fit(w, out, 0);
     if (round == rounds) return out;
     const TissueWindow last = w;
-    const CandidateTissue settled = out;
+    CandidateTissue settled = out;
     settle(w, out, 1);
     if (out.face == settled.face) return out;
     try {
