@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <array>
@@ -36,6 +37,7 @@ constexpr double kFarFromStated = 3;  // deviations of it: that is another start
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
 constexpr double kLeastWeight = 0.01;    // of a tissue that counts
+constexpr std::size_t kMostBetween = 4;  // changes that tissues differ by: a fifth brings under 1 % more
 constexpr double kSure = 0.9;            // weight: no other tissue is named
 constexpr double kSpreadOfDepth = 0.29;  // deviation of the cells' depth, in images
 
@@ -91,6 +93,17 @@ double alike_m2(const VectorXd& left, const CellGrid& cells, double scale) {
   return std::max(kAlikeM2, sum * cells.spacing_m * cells.row_m);
 }
 
+// So many fields at most whose products make up those of the columns, but for little.
+std::vector<VectorXd> principal(const MatrixXd& columns, std::size_t most) {
+  constexpr double kLeast = 1e-3;  // of all
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> of(columns.transpose() * columns);
+  std::vector<VectorXd> out;
+  for (Index k = columns.cols() - 1; k >= 0 && out.size() < most; --k)
+    if (of.eigenvalues()[k] > kLeast * of.eigenvalues().sum())
+      out.push_back(columns * of.eigenvectors().col(k));
+  return out;
+}
+
 // Cells that tell no modulus: near the face, and where homogeneous tissue hardly strains.
 void leave_out(const VectorXd& log_strain, const CellGrid& cells, VectorXd& observed) {
   std::vector<double> values(log_strain.begin(), log_strain.end());
@@ -109,7 +122,9 @@ ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::s
 int ProbeFitter::max_solves(FitEffort effort) {
   const bool all = effort == FitEffort::kWeighed;
   const int of_weighing = TissueWeigher::max_coarse_solves(all),
-            coarse = all ? TissueWeigher::max_coarse_solves_of_reference() + 2 * of_weighing : of_weighing;
+            coarse = all ? TissueWeigher::max_coarse_solves_of_reference() + 2 * of_weighing +
+                               kSkinSolves * kCoarsePerSolve
+                         : of_weighing;
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
@@ -141,6 +156,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
 
   const bool all = effort == FitEffort::kWeighed;
   w.as_stated = !all;
+  if (all) w.by_skin = weigher_.skin(usual(w), w.cells);
   WeighedTissues found = weigher_.weigh(w, usual(w), all);
   if (all) {
     std::vector<WeighedTissues> starts;
@@ -162,8 +178,8 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
     }
     starts.push_back(std::move(found));
     const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
-                                 return s.least().fit.rest;
-                               })->least();
+                                     return s.least().fit.rest;
+                                   })->least();
     const double scale = std::hypot(least.fit.rest, kModelLog),
                  places = w.cells.spacing_m * w.cells.row_m / alike_m2(least.fit.left, w.cells, scale);
     for (WeighedTissues& start : starts) {
@@ -177,6 +193,9 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   double sum = 0;
   for (CandidateTissue& m : found.models) sum += m.weight = std::exp(m.odds() - best);
   for (CandidateTissue& m : found.models) m.weight /= sum;
+  if (all)
+    for (CandidateTissue& m : found.models)
+      if (m.weight > kLeastWeight) weigher_.fit_skin(found.window, m, std::hypot(m.fit.rest, kModelLog));
   ProbeFit out = publish(found, in, sign, all);
   out.top_m = top_m;
   if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
@@ -232,16 +251,32 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
     log_strain.array() -= in.force ? log_force : w.measured.observed.dot(log_strain) / observed;
     return log_strain;
   };
+  // Of the skin: in the mean over all tissues; beforehand, where the fit is not of it.
+  const auto skin_of = [&](const CandidateTissue& m, std::size_t k) {
+    return m.with_skin ? m.with_skin->at[m.with_skin->at.size() - static_cast<Index>(kSkinChanges - k)]
+                       : w.skin.mean[k];
+  };
+  std::array<double, kSkinChanges> skin{};
+  out.skin = VectorXd::Zero(static_cast<Index>(cells.size()));
+  for (std::size_t k = 0; k < kSkinChanges; ++k) {
+    for (const auto& m : weighed.models) skin[k] += m.weight * skin_of(m, k);
+    out.skin += skin[k] * skin_cells(cells, k);
+  }
   const auto found = [&](const CandidateTissue& m, double share = 1) {
     VectorXd log_strain = m.answer->log_strain;
     if (!m.block) log_strain += w.finer;
     double log_force = m.answer->log_force - (m.face.goes_on() ? log_share : 0);
     const auto add = [&](Index column, const VectorXd& of_strain, double of_force) {
-      log_strain += share * m.fit.at[column] * of_strain, log_force += share * m.fit.at[column] * of_force;
+      const double at = share * (m.with_skin ? *m.with_skin : m.fit).at[column];
+      log_strain += at * of_strain, log_force += at * of_force;
     };
     if (!m.block && all) {
       add(kElevation, w.by_elevation, w.force_by_elevation), add(kDepth, w.by_depth, w.force_by_depth);
       if (m.by_beside.size()) add(kBeside, m.by_beside, m.force_by_beside);
+      for (std::size_t k = 0; k < kSkinChanges; ++k) {
+        const double more = share * (skin_of(m, k) - skin[k]);
+        log_strain += more * w.by_skin.log_strain[k], log_force += more * w.by_skin.log_force[k];
+      }
     }
     return of_modulus(std::move(log_strain), log_force);
   };
@@ -250,26 +285,52 @@ ProbeFit ProbeFitter::publish(const WeighedTissues& weighed, const ModulusInput&
   for (const CandidateTissue& m : weighed.models)
     if (m.weight > kLeastWeight) mean += m.weight * (found(m) - used);
   out.shift = in_cells(mean);
-  VectorXd variance = VectorXd::Zero(used.size());
-  for (const CandidateTissue& m : weighed.models)
-    if (m.weight > kLeastWeight) variance += m.weight * (found(m) - used - mean).cwiseAbs2();
-  out.between = in_cells(variance.cwiseSqrt());
+  MatrixXd apart(static_cast<Index>(cells.size()), static_cast<Index>(weighed.models.size()));
+  for (Index n = 0; const auto& m : weighed.models) {
+    VectorXd away = VectorXd::Zero(apart.rows());
+    if (m.weight > kLeastWeight) {
+      away = in_cells(found(m) - used - mean);
+      for (std::size_t k = 0; k < kSkinChanges; ++k) away += (skin_of(m, k) - skin[k]) * skin_cells(cells, k);
+    }
+    apart.col(n++) = std::sqrt(m.weight) * away;
+  }
+  out.between = apart.rowwise().norm();
+  out.between_modes = principal(apart, kMostBetween);
   // And what the likeliest leaves open of itself; of a block, whose length alone bears the force, that.
   if (likeliest.block && in.force)
     out.changes.push_back(VectorXd::Constant(static_cast<Index>(cells.size()), w.elevation.deviation));
-  if (!likeliest.block) {
-    std::vector<VectorXd> by{of_modulus(w.by_elevation, w.force_by_elevation),
-                             of_modulus(w.by_depth, w.force_by_depth)};
-    if (likeliest.by_beside.size()) by.push_back(of_modulus(likeliest.by_beside, likeliest.force_by_beside));
-    const auto count = static_cast<Index>(by.size());
-    const MatrixXd root =
-        all ? MatrixXd(likeliest.fit.covariance.block(kElevation, kElevation, count, count).llt().matrixL())
-            : MatrixXd(Eigen::Vector2d(w.elevation.deviation, w.depth.deviation).asDiagonal());
-    for (Index k = 0; k < count; ++k) {
-      VectorXd change = VectorXd::Zero(used.size());
-      for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
-      out.changes.push_back(in_cells(change));
-    }
+  std::vector<VectorXd> by;  // in the order of the fit's columns
+  if (!likeliest.block)
+    for (const auto& [of_strain, of_force] :
+         {std::pair(&w.by_elevation, w.force_by_elevation), std::pair(&w.by_depth, w.force_by_depth)})
+      by.push_back(in_cells(of_modulus(*of_strain, of_force)));
+  const bool fitted_all = all && !likeliest.block;
+  if (fitted_all && likeliest.by_beside.size())
+    by.push_back(in_cells(of_modulus(likeliest.by_beside, likeliest.force_by_beside)));
+  for (std::size_t k = 0; k < kSkinChanges; ++k) {
+    by.push_back(skin_cells(cells, k));
+    if (likeliest.with_skin)
+      by.back() += in_cells(of_modulus(w.by_skin.log_strain[k], w.by_skin.log_force[k]));
+  }
+  const auto count = static_cast<Index>(by.size()), skins = static_cast<Index>(kSkinChanges);
+  MatrixXd covariance = MatrixXd::Zero(count, count);
+  if (likeliest.with_skin) {
+    covariance = likeliest.with_skin->covariance.block(kElevation, kElevation, count, count);
+  } else {
+    const Index lengths = count - skins;
+    if (fitted_all)
+      covariance.topLeftCorner(lengths, lengths) =
+          likeliest.fit.covariance.block(kElevation, kElevation, lengths, lengths);
+    else if (!likeliest.block)
+      covariance(0, 0) = squared(w.elevation.deviation), covariance(1, 1) = squared(w.depth.deviation);
+    for (Index k = 0; k < skins; ++k)
+      covariance(lengths + k, lengths + k) = squared(w.skin.deviation[static_cast<std::size_t>(k)]);
+  }
+  const MatrixXd root = covariance.llt().matrixL();
+  for (Index k = 0; k < count; ++k) {
+    VectorXd change = VectorXd::Zero(static_cast<Index>(cells.size()));
+    for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
+    out.changes.push_back(std::move(change));
   }
   out.common_log = likeliest.block || out.face.goes_on() ? kCommonLog : kCommonLogOfSides;
   const double grading = all ? likeliest.fit.at[kGrading] : 0;

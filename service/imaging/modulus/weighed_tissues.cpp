@@ -26,6 +26,7 @@ constexpr double kVary = 0.15, kTiltStep = 0.1;
 constexpr double kLinear = 0.15;  // of ln of elevation and depth: as far as a step is true, about
 constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
 constexpr int kRoundsOfOthers = 2;
+constexpr double kSkinBeside = 0.3;    // depths beside the face: nearer sides change what skin does
 constexpr double kWorthless = 5;       // ln of the odds against a model that is not looked at closer
 constexpr double kLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
 
@@ -79,6 +80,11 @@ const TissueAnswer& TissueWeigher::block_answer(const ProbeFace& face, const Cel
   return keep(std::move(out));
 }
 
+SkinAnswer TissueWeigher::skin(const ProbeFace& face, const CellGrid& at) {
+  coarse_solves_ += kSkinSolves * kCoarsePerSolve;
+  return skin_answer(queue_, strain_, face, at);
+}
+
 TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& face) const {
   const ProbedTissue::Response level = tissue.push_homogeneous();
   const VectorXd strain = -as_measured(level.axial_strain, tissue.cells(), strain_);
@@ -102,9 +108,15 @@ const TissueAnswer& TissueWeigher::keep(TissueAnswer answer) {
   return *answers_.back();
 }
 
-void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale) const {
+namespace {
+
+VectorXd residual_of(const TissueWindow& w, const CandidateTissue& m) {
   VectorXd residual = m.answer->log_strain - w.measured.log_strain;
   if (!m.block) residual += w.finer;
+  return residual;
+}
+
+std::vector<FitColumn> columns_of(const TissueWindow& w, const CandidateTissue& m) {
   std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}};
   // Sides may look like a grading: it counts where they are tried.
   if (!w.as_stated) columns.push_back({w.of_depth, 0, kUsualGrading, true});
@@ -116,9 +128,23 @@ void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale)
     known(w.depth, w.by_depth, m.face.depth_m);
     if (m.by_beside.size()) columns.push_back({-m.by_beside, 0, kOfGridStep, false});
   }
-  m.fit = fit_robustly(residual, w.measured.observed, columns, w.places, scale);
+  return columns;
+}
+
+}  // namespace
+
+void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale) const {
+  m.fit = fit_robustly(residual_of(w, m), w.measured.observed, columns_of(w, m), w.places, scale);
   if (std::isfinite(w.lateral_ratio))
     m.fit.misfit += std::log1p(squared((w.lateral_ratio - m.answer->lateral_ratio) / kLateralRatio) / 2);
+}
+
+void TissueWeigher::fit_skin(const TissueWindow& w, CandidateTissue& m, double scale) const {
+  if (m.block || m.face.beside_m < kSkinBeside * m.face.depth_m) return;
+  std::vector<FitColumn> columns = columns_of(w, m);
+  for (std::size_t k = 0; k < kSkinChanges; ++k)
+    columns.push_back({-w.by_skin.log_strain[k], w.skin.mean[k], w.skin.deviation[k], true});
+  m.with_skin = fit_robustly(residual_of(w, m), w.measured.observed, columns, w.places, scale);
 }
 
 // To where its elevation, depth and end are linear.
