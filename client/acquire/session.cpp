@@ -207,7 +207,8 @@ EstimateOutcome AcquireSession::estimate(const FramePair& pair, std::size_t wind
     acquisition.set_tissue_depth_m(options_.slices->grid.depth_m);
     acquisition.set_poisson_ratio(options_.slices->grid.poisson_ratio);
     acquisition.set_probe_elevation_m(options_.slices->probe_elevation_m);
-    for (const char* map : {"youngs_modulus", "youngs_modulus_log_std"}) acquisition.add_maps(map);
+    for (const char* map : {"youngs_modulus", "youngs_modulus_log_std", "youngs_modulus_log_modes"})
+      acquisition.add_maps(map);
     if (scene_->made()) {
       acquisition.mutable_slice_of()->set_scene_id(options_.scene_id);
       *acquisition.mutable_slice_of()->mutable_window() = pose_of(window);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -26,9 +27,18 @@ std::size_t parts(double whole_m, double part_m) {
 v1::Array array_of(const SliceGrid& grid, const std::vector<float>& values) {
   v1::Array out;
   out.set_dtype(v1::DATA_TYPE_FLOAT32);
+  const std::size_t elements = grid.rows() * grid.columns();
+  if (values.size() != elements) out.add_shape(static_cast<std::uint32_t>(values.size() / elements));
   for (const std::size_t n : {grid.rows(), grid.columns()}) out.add_shape(static_cast<std::uint32_t>(n));
   out.set_data(values.data(), values.size() * sizeof(float));
   return out;
+}
+
+float variance_of_modes(const SlicePlane& plane, std::size_t element) {
+  float variance = 0;
+  for (std::size_t at = element; at < plane.log_modes.size(); at += plane.log_std.size())
+    variance += plane.log_modes[at] * plane.log_modes[at];
+  return variance;
 }
 
 // Elements that nothing was measured of.
@@ -48,9 +58,53 @@ void continue_measured(const SliceGrid& grid, const std::vector<int>& nodes, Sli
     for (std::size_t m = 0; m < nodes.size(); ++m)
       if (nodes[m] > 0 && (nearest == nodes.size() || apart_m(n, m) < apart_m(n, nearest))) nearest = m;
     plane.pa[n] = measured.pa[nearest];
-    plane.log_std[n] = std::hypot(measured.log_std[nearest], std::numbers::ln2_v<float>);
+    // What lies above is as the modes say, which reach to the surface; else nobody knows it.
+    const bool above = !plane.log_modes.empty() && n / columns < nearest / columns;
+    if (!above)
+      for (std::size_t first = 0; first < plane.log_modes.size(); first += nodes.size())
+        plane.log_modes[first + n] = measured.log_modes[first + nearest];
+    const float own = variance_of_modes(measured, n), of_nearest = variance_of_modes(measured, nearest),
+                squared = measured.log_std[nearest] * measured.log_std[nearest];
+    plane.log_std[n] = above ? std::sqrt(std::max(own, own + squared - of_nearest))
+                             : std::hypot(measured.log_std[nearest], std::numbers::ln2_v<float>);
   }
 }
+
+// Changes of the logarithm on cells, bilinear between their middles; beyond them those of the nearest.
+class Modes {
+ public:
+  explicit Modes(const v1::Map& map) : cells_(map.grid()), values_(values_of(map)) {}
+  std::size_t count() const { return cells_.size(2); }
+  // Adds each to the element's; the sum of their squares.
+  float add(double x_m, double y_m, SlicePlane& plane, std::size_t element) const {
+    const Between i = between(0, x_m), j = between(1, y_m);
+    float squares = 0;
+    for (std::size_t mode = 0; mode < count(); ++mode) {
+      const auto at = [&](std::size_t column, std::size_t row) {
+        return values_[column + cells_.size(0) * (row + cells_.size(1) * mode)];
+      };
+      const float change = std::lerp(std::lerp(at(i.first, j.first), at(i.last, j.first), i.way),
+                                     std::lerp(at(i.first, j.last), at(i.last, j.last), i.way), j.way);
+      plane.log_modes[element + mode * plane.log_std.size()] += change, squares += change * change;
+    }
+    return squares;
+  }
+
+ private:
+  struct Between {
+    std::size_t first, last;
+    float way;
+  };
+  Between between(int axis, double at_m) const {
+    const double last = cells_.size(axis) - 1.0,
+                 at = std::clamp((at_m - cells_.origin_m(axis)) / cells_.spacing_m(axis), 0.0, last),
+                 first = std::floor(at);
+    return {static_cast<std::size_t>(first), static_cast<std::size_t>(std::min(first + 1, last)),
+            static_cast<float>(at - first)};
+  }
+  v1::Grid cells_;
+  std::vector<float> values_;
+};
 
 }  // namespace
 
@@ -67,27 +121,44 @@ SlicePlane slice_plane(const std::vector<v1::Map>& maps, const SliceGrid& grid) 
                            log_std = values_of(map_of(maps, "youngs_modulus_log_std"));
   if (valid.size() != pa.size() || log_std.size() != pa.size())
     throw ServiceError(grpc::StatusCode::INTERNAL, "Estimate: the service's maps have different sizes");
+  const auto told = std::ranges::find(maps, "youngs_modulus_log_modes", &v1::Map::name);
+  const std::optional<Modes> modes =
+      told != maps.end() && told->grid().size_size() == 3 ? std::optional<Modes>(*told) : std::nullopt;
   const v1::Grid& nodes = modulus.grid();
   const std::size_t columns = grid.columns(), elements = columns * grid.rows();
   std::vector<int> count(elements, 0);
-  std::vector<double> logarithm(elements, 0), deviation(elements, 0);
+  std::vector<double> logarithm(elements, 0), deviation(elements, 0);  // that modes leave: its square
+  SlicePlane plane{std::vector<float>(elements), std::vector<float>(elements),
+                   std::vector<float>(modes ? modes->count() * elements : 0)};
   for (std::size_t n = 0; n < pa.size(); ++n) {
     if (valid[n] == 0 || !(pa[n] > 0) || !std::isfinite(pa[n]) || !std::isfinite(log_std[n])) continue;
     const auto across = static_cast<double>(n % nodes.size(0)), down = static_cast<double>(n / nodes.size(0));
-    const double i = (nodes.origin_m(0) + across * nodes.spacing_m(0)) / grid.column_m(),
-                 j = (nodes.origin_m(1) + down * nodes.spacing_m(1)) / grid.row_m();
+    const double x_m = nodes.origin_m(0) + across * nodes.spacing_m(0),
+                 y_m = nodes.origin_m(1) + down * nodes.spacing_m(1), i = x_m / grid.column_m(),
+                 j = y_m / grid.row_m();
     if (!(i >= 0 && j >= 0 && i < static_cast<double>(columns) && j < static_cast<double>(grid.rows())))
       continue;
     const std::size_t element = static_cast<std::size_t>(i) + columns * static_cast<std::size_t>(j);
-    ++count[element], logarithm[element] += std::log(pa[n]), deviation[element] += log_std[n];
+    ++count[element], logarithm[element] += std::log(pa[n]);
+    deviation[element] +=
+        modes ? std::max(0.0F, log_std[n] * log_std[n] - modes->add(x_m, y_m, plane, element)) : log_std[n];
   }
   if (std::ranges::all_of(count, [](int c) { return c == 0; }))
     throw ServiceError(grpc::StatusCode::FAILED_PRECONDITION, "Estimate: the slice has no valid modulus");
-  SlicePlane plane{std::vector<float>(elements), std::vector<float>(elements)};
   for (std::size_t n = 0; n < elements; ++n) {
-    if (count[n] == 0) continue;
+    const auto middle = [](std::size_t at, double step_m) {
+      return (static_cast<double>(at) + 0.5) * step_m;
+    };
+    if (count[n] == 0) {
+      if (modes)
+        modes->add(middle(n % columns, grid.column_m()), middle(n / columns, grid.row_m()), plane, n);
+      continue;
+    }
+    for (std::size_t at = n; at < plane.log_modes.size(); at += elements)
+      plane.log_modes[at] /= static_cast<float>(count[n]);
     plane.pa[n] = static_cast<float>(std::exp(logarithm[n] / count[n]));
-    plane.log_std[n] = static_cast<float>(deviation[n] / count[n]);
+    const auto left = static_cast<float>(deviation[n] / count[n]);
+    plane.log_std[n] = modes ? std::sqrt(left + variance_of_modes(plane, n)) : left;
   }
   continue_measured(grid, count, plane);
   return plane;
@@ -107,6 +178,8 @@ PublishedSlice SliceScene::publish(std::size_t slice, const std::vector<v1::Map>
   for (const double o : {0.0, 0.0, grid_.places.z_m(slice)}) message.mutable_pose()->add_origin_m(o);
   *message.mutable_modulus()->mutable_youngs_modulus_pa() = array_of(grid_, plane.pa);
   *message.mutable_youngs_modulus_log_std() = array_of(grid_, plane.log_std);
+  if (!plane.log_modes.empty())
+    *message.mutable_youngs_modulus_log_modes() = array_of(grid_, plane.log_modes);
   const std::int64_t give_up_ns = monotonic_ns() + static_cast<std::int64_t>(retry_for_s_ * 1e9);
   Backoff backoff(0.05, 0.5);
   for (bool again = false;; again = true) {

@@ -28,11 +28,16 @@ struct SliceGrid {
 // A slice on the grid, of each element, x fastest.
 struct SlicePlane {
   std::vector<float> pa, log_std;  // Young's modulus; standard deviation of its logarithm
+  // Changes of the logarithm by one deviation of each cause that is wrong in many places at once, one after
+  // another; empty where the service told none.
+  std::vector<float> log_modes = {};
 };
 
 // What an estimate's maps `youngs_modulus`, `youngs_modulus_log_std` and `valid` say of the elements: the
-// mean of ln E and of its deviation over the nodes in each. One without a valid node continues the nearest
-// that has some, with ln 2 more deviation. Throws ServiceError (FAILED_PRECONDITION) when nothing is valid.
+// mean of ln E and of its deviation over the nodes in each, and what `youngs_modulus_log_modes` (left out by
+// an older service) says of its middle. One without a valid node continues the nearest that has some, with ln
+// 2 more deviation, or, above it, that of its own modes. Throws ServiceError (FAILED_PRECONDITION) when
+// nothing is valid.
 SlicePlane slice_plane(const std::vector<teletact::v1::Map>& maps, const SliceGrid& grid);
 
 struct PublishedSlice {

@@ -122,6 +122,8 @@ inline constexpr std::size_t kMaxCorrections = 8;
 // The layers of a solid's factor are made anew once ln E0 of one has drifted so far from the others (T8.7). A
 // touch farther than this from the nearest slice is of tissue that nobody measured.
 inline constexpr double kMaxDrift = 0.02, kSliceReach = 0.005;
+// What is known place by place of a slice's ln E is wrong alike over this.
+inline constexpr double kLocalCorrelation = 0.005;
 // Standard deviation of ln E of such tissue: two of it are a factor of three, which few lumps are beyond.
 inline constexpr double kUnseenDeviation = 0.55;
 

@@ -287,6 +287,7 @@ void Elastography::estimate_into(const RfFrame& pre, const RfFrame& post, const 
   e.modulus = find_modulus(input, in.modulus);  // T3.1 to T3.3, T3.6, T3.8
   judge(input, *strips_, e.modulus);            // T3.4
   e.grid.origin_y_m = first_m;
+  e.modulus.log_modes.grid.origin_y_m += e.coupling_m;
   mark_valid(e);
   ended(Stage::kModulus, e.modulus_s);
 }

@@ -17,7 +17,7 @@ struct EstimateMap {
   const char* unit;  // null: that of the modulus, Pa or 1
   // On the estimate's grid, but for the image, which has its own.
   std::variant<Field Estimate::*, Field ModulusEstimate::*, std::vector<std::uint8_t> Estimate::*,
-               BMode Estimate::*>
+               BMode Estimate::*, LogModes ModulusEstimate::*>
       values;
 };
 
@@ -38,8 +38,12 @@ inline constexpr EstimateMap kEstimateMaps[] = {
     {"youngs_modulus_log_std", "1", &ModulusEstimate::log_deviation},
     {"b_mode", "1", &Estimate::b_mode}};
 
+// Sent to who names it alone: its third axis is one of causes.
+inline constexpr EstimateMap kLogModes{"youngs_modulus_log_modes", "1", &ModulusEstimate::log_modes};
+
 // Null: there is none of that name.
 inline const EstimateMap* find_map(std::string_view name) {
+  if (name == kLogModes.name) return &kLogModes;
   const auto* found =
       std::ranges::find_if(kEstimateMaps, [name](const EstimateMap& map) { return map.name == name; });
   return found == std::end(kEstimateMaps) ? nullptr : found;

@@ -216,12 +216,24 @@ RfFrame FrameUpload::frame(const char* name, std::string& bytes) const {
 
 namespace {
 
+void modes_to(const char* name, const char* unit, const LogModes& modes, v1::Map* out) {
+  map_to(name, unit, modes.grid, modes.values, out);
+  const auto count = static_cast<std::uint32_t>(modes.count());
+  auto* grid = out->mutable_grid();
+  grid->add_size(count), grid->add_origin_m(0), grid->add_spacing_m(1);
+  auto* shape = out->mutable_values()->mutable_shape();
+  *shape->Add() = count;
+  std::ranges::rotate(*shape, shape->end() - 1);
+}
+
 void map_to(const Estimate& e, const EstimateMap& map, v1::Map* out) {
   const char* unit = map.unit ? map.unit : e.modulus.absolute ? "Pa" : "1";
   std::visit(
       [&](auto values) {
         if constexpr (std::is_same_v<decltype(values), BMode Estimate::*>)
           map_to(map.name, unit, (e.*values).grid, (e.*values).grey, out);
+        else if constexpr (std::is_same_v<decltype(values), LogModes ModulusEstimate::*>)
+          modes_to(map.name, unit, e.modulus.*values, out);
         else if constexpr (std::is_same_v<decltype(values), Field ModulusEstimate::*>)
           map_to(map.name, unit, e.grid, e.modulus.*values, out);
         else

@@ -364,6 +364,16 @@ ModulusSlice slice_from(const std::string& field, const v1::ModulusSlice& in, co
   if (in.has_youngs_modulus_log_std())
     slice.log_deviation = values_from(field + ".youngs_modulus_log_std", in.youngs_modulus_log_std(),
                                       {solid.y_m.size() - 1, solid.x_m.size() - 1});
+  if (in.has_youngs_modulus_log_modes()) {
+    const v1::Array& modes = in.youngs_modulus_log_modes();
+    const std::size_t changes = modes.shape().empty() ? 0 : modes.shape(0);
+    if (changes < 1 || changes > kMaxLogModes)
+      throw std::invalid_argument(fmt::format(
+          "{}.youngs_modulus_log_modes.shape[0]: {} changes, must be 1 to {}", field, changes, kMaxLogModes));
+    const std::vector<double> values = values_from(field + ".youngs_modulus_log_modes", modes,
+                                                   {changes, solid.y_m.size() - 1, solid.x_m.size() - 1});
+    slice.log_modes.assign(values.begin(), values.end());
+  }
   return slice;
 }
 

@@ -21,8 +21,10 @@ std::shared_ptr<const ExplicitModulus> charged(ExplicitModulus e, const MemoryAc
   };
   const std::size_t values = e.x_m.size() + e.y_m.size() + e.z_m.size() + e.slices_m.size() +
                              e.youngs_modulus_pa.size() + e.log_deviation.size();
-  auto held = std::make_shared<const Charged>(
-      Charged{account.charge(Place::kHost, "maps", values * sizeof(double)), std::move(e)});
+  std::size_t bytes = values * sizeof(double);
+  for (const std::vector<float>& modes : e.log_modes) bytes += modes.size() * sizeof(float);
+  auto held =
+      std::make_shared<const Charged>(Charged{account.charge(Place::kHost, "maps", bytes), std::move(e)});
   return {held, &held->modulus};
 }
 

@@ -22,9 +22,11 @@ namespace {
 
 constexpr std::size_t kMaxImageNodes = std::size_t{1} << 14;  // of a B-mode image, a side
 
-// 1 had neither evidence nor deviations, 2 no slices, 3 none that state deviations; they are still read. What
-// has no slices is written as 2, what states no deviations of them as 3.
-constexpr std::uint64_t kFormat = 4, kExactSlices = 3, kWithoutSlices = 2, kFirstFormat = 1;
+// 1 had neither evidence nor deviations, 2 no slices, 3 none that state deviations, 4 no
+// modes of these; they are still read. What has no slices is written as 2, what states no deviations of them
+// as 3, no modes as 4.
+constexpr std::uint64_t kFormat = 5, kWithoutModes = 4, kExactSlices = 3, kWithoutSlices = 2,
+                        kFirstFormat = 1;
 
 // FNV-1a, 64 bit: tells a damaged file from a whole one.
 std::string checksum(std::string_view bytes) {
@@ -180,9 +182,14 @@ EncodedScene encoded(const SceneRecord& record) {
     scene["explicit_nodes"] = {e.x_m.size(), e.y_m.size()};
     if (e.solid()) scene["explicit_nodes"].push_back(e.z_m.size());
     if (!e.slices_m.empty()) scene["slices"] = e.slices_m.size(), scene["format"] = kExactSlices;
-    if (!e.log_deviation.empty()) scene["log_deviation"] = true, scene["format"] = kFormat;
+    if (!e.log_deviation.empty()) scene["log_deviation"] = true, scene["format"] = kWithoutModes;
+    if (!e.log_modes.empty()) {
+      scene["log_modes"] = json::array(), scene["format"] = kFormat;
+      for (const std::vector<float>& modes : e.log_modes) scene["log_modes"].push_back(modes.size());
+    }
     append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.slices_m);
     append(raw, e.youngs_modulus_pa), append(raw, e.log_deviation);
+    for (const std::vector<float>& modes : e.log_modes) append(raw, modes);
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -234,6 +241,9 @@ SceneRecord decoded(const std::string& description,
     if (scene.contains("slices")) e.slices_m = take<double>(rest, count_of(scene["slices"], "slices"));
     e.youngs_modulus_pa = take<double>(rest, (nx - 1) * (ny - 1) * e.slices());
     if (scene.value("log_deviation", false)) e.log_deviation = take<double>(rest, e.youngs_modulus_pa.size());
+    if (scene.contains("log_modes"))
+      for (const json& count : scene["log_modes"])
+        e.log_modes.push_back(take<float>(rest, count_of(count, "log_modes")));
     check_modulus(e, record.geometry, limits);
     record.explicit_modulus = std::move(e);
   } else {

@@ -30,6 +30,8 @@ struct ExplicitModulus {
   std::vector<double> x_m, y_m, youngs_modulus_pa;
   std::vector<double> z_m = {}, slices_m = {};
   std::vector<double> log_deviation = {};  // standard deviation of ln E, as E; empty: exact
+  // Of each slice what of that is wrong alike (ModulusSlice::log_modes); empty: of none.
+  std::vector<std::vector<float>> log_modes = {};
   bool solid() const { return !z_m.empty(); }
   std::size_t slices() const { return !solid() ? 1 : slices_m.empty() ? z_m.size() - 1 : slices_m.size(); }
   // Of a solid.

@@ -16,6 +16,10 @@ namespace teletact::service {
 
 namespace {
 
+double squared(double value) {
+  return value * value;
+}
+
 void check_nodes(const std::string& field, const std::vector<double>& given_m,
                  const std::vector<double>& own_m) {
   const double slack_m = 1e-6 * (own_m.back() - own_m.front()) / static_cast<double>(own_m.size() - 1);
@@ -24,6 +28,28 @@ void check_nodes(const std::string& field, const std::vector<double>& given_m,
     throw std::invalid_argument(fmt::format(
         "{}: not the solid's own {} nodes from {} to {} m; resample the slice onto them, or leave it out",
         field, own_m.size(), own_m.front(), own_m.back()));
+}
+
+// `deviation`: of ln E, what the changes are a part of.
+void check_log_modes(const std::string& field, const std::vector<float>& modes,
+                     const std::vector<double>& deviation) {
+  if (modes.empty()) return;
+  if (deviation.empty() || modes.size() % deviation.size() != 0 ||
+      modes.size() / deviation.size() > kMaxLogModes)
+    throw std::invalid_argument(
+        fmt::format("{}: {} values for {} deviations; give at most {} changes of each, with the deviations",
+                    field, modes.size(), deviation.size(), kMaxLogModes));
+  constexpr double kRounding = 1e-3;
+  std::vector<double> variance(deviation.size(), 0.0);
+  for (std::size_t n = 0; n < modes.size(); ++n) {
+    const std::size_t element = n % deviation.size();
+    variance[element] += squared(modes[n]);
+    if (!(variance[element] <= squared((1 + kRounding) * deviation[element] + kRounding)))
+      throw std::invalid_argument(fmt::format(
+          "{}[{}]: {}: the changes of an element are finite and, their squares added, at most the square of "
+          "its deviation, {}",
+          field, n, modes[n], deviation[element]));
+  }
 }
 
 void check(const std::string& field, const ModulusSlice& slice, const ExplicitModulus& grid) {
@@ -49,6 +75,7 @@ void check(const std::string& field, const ModulusSlice& slice, const ExplicitMo
     if (!(deviation[n] >= 0 && deviation[n] <= kMax))
       throw std::invalid_argument(
           fmt::format("{}[{}]: {} is not within [0, {}]", of_deviation, n, deviation[n], kMax));
+  check_log_modes(field + ".youngs_modulus_log_modes", slice.log_modes, deviation);
 }
 
 // Puts a slice's values among the others', at `slice` of theirs.
@@ -69,16 +96,20 @@ void put(ExplicitModulus& all, std::size_t at, const ModulusSlice& slice, bool i
     put(all.log_deviation, at, own, in_its_place);
   }
   put(all.youngs_modulus_pa, at, slice.youngs_modulus_pa, in_its_place);
+  std::vector<std::vector<float>>& modes = all.log_modes;
+  if (modes.empty() && slice.log_modes.empty()) return;
+  const std::size_t plane = slice.youngs_modulus_pa.size(), slices = all.youngs_modulus_pa.size() / plane;
+  modes.resize(in_its_place ? slices : slices - 1);
+  if (in_its_place)
+    modes[at] = slice.log_modes;
+  else
+    modes.insert(modes.begin() + static_cast<std::ptrdiff_t>(at), slice.log_modes);
 }
 
 double nearest_slice_m(const ExplicitModulus& e, double z_m) {
   double nearest_m = HUGE_VAL;
   for (const double slice_m : e.slices_m) nearest_m = std::min(nearest_m, std::abs(slice_m - z_m));
   return nearest_m;
-}
-
-double squared(double value) {
-  return value * value;
 }
 
 double unseen_variance(double from_slice_m) {
@@ -102,31 +133,47 @@ std::size_t element(const std::vector<double>& nodes_m, double at_m) {
   return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
 }
 
-FeltVariance felt_variance(const ExplicitModulus& e, double x_m, double depth_m, double z_m) {
-  const double above_m = std::max(0.0, depth_m - choices::kFeltDepth / 2);
-  const std::size_t first = element(e.x_m, x_m - choices::kWidestReach / 2),
-                    last = element(e.x_m, x_m + choices::kWidestReach / 2),
-                    shallowest = element(e.y_m, above_m),
-                    deepest = element(e.y_m, above_m + choices::kFeltDepth), nx = e.x_m.size() - 1,
-                    plane = nx * (e.y_m.size() - 1);
-  const Between at = between(e, z_m);
+// What a slice states, as a contact feels it.
+double stated_variance(const ExplicitModulus& e, std::size_t slice, const FeltElements& felt,
+                       double radius_m) {
+  if (e.log_deviation.empty()) return 0;
+  const std::size_t plane = e.log_deviation.size() / e.slices();
+  const double* deviation = e.log_deviation.data() + slice * plane;
+  double own = 0;
+  if (e.log_modes.empty() || e.log_modes[slice].empty()) {
+    felt.each([&](std::size_t n, double share) { own += share * squared(deviation[n]); });
+    return own;
+  }
+  const std::vector<float>& modes = e.log_modes[slice];
+  std::vector<double> change(modes.size() / plane, 0.0);
+  felt.each([&](std::size_t n, double share) {
+    double alike = 0;
+    for (std::size_t k = 0; k < change.size(); ++k) {
+      const double of_element = modes[n + k * plane];
+      change[k] += share * of_element, alike += squared(of_element);
+    }
+    own += share * std::max(0.0, squared(deviation[n]) - alike);
+  });
+  double variance = left_of_local(radius_m, choices::kLocalCorrelation) * own;
+  for (const double of : change) variance += squared(of);
+  return variance;
+}
+
+FeltVariance felt_variance(const ExplicitModulus& e, const FeltPlace& place) {
+  const FeltElements elements(e.x_m, e.y_m, place);
+  const Between at = between(e, place.z_m);
+  const std::size_t plane = (e.x_m.size() - 1) * (e.y_m.size() - 1);
   const double *near = e.youngs_modulus_pa.data() + at.before * plane,
                *far = e.youngs_modulus_pa.data() + at.after * plane;
   FeltVariance felt;
-  double area = 0;
-  for (std::size_t j = shallowest; j <= deepest; ++j)
-    for (std::size_t i = first; i <= last; ++i) {
-      const std::size_t n = i + nx * j;
-      const double size = (e.x_m[i + 1] - e.x_m[i]) * (e.y_m[j + 1] - e.y_m[j]);
-      const double differ = at.share > 0 ? std::log(far[n] / near[n]) : 0;
-      felt.change += size * at.share * (1 - at.share) * differ * differ;
-      if (!e.log_deviation.empty())
-        felt.stated += size * ((1 - at.share) * squared(e.log_deviation[at.before * plane + n]) +
-                               at.share * squared(e.log_deviation[at.after * plane + n]));
-      area += size;
-    }
-  felt.change /= area, felt.stated /= area;
-  felt.unseen = unseen_variance(nearest_slice_m(e, z_m));
+  felt.stated = (1 - at.share) * stated_variance(e, at.before, elements, place.radius_m);
+  if (at.share > 0) {
+    felt.stated += at.share * stated_variance(e, at.after, elements, place.radius_m);
+    elements.each([&](std::size_t n, double share) {
+      felt.change += share * at.share * (1 - at.share) * squared(std::log(far[n] / near[n]));
+    });
+  }
+  felt.unseen = unseen_variance(nearest_slice_m(e, place.z_m));
   return felt;
 }
 
@@ -203,9 +250,9 @@ Between between(const ExplicitModulus& e, double z_m) {
   return at.share > 1 - kRounding ? Between{at.after, at.after, 0} : at;
 }
 
-std::optional<double> felt_log_deviation(const ExplicitModulus& e, double x_m, double depth_m, double z_m) {
+std::optional<double> felt_log_deviation(const ExplicitModulus& e, const FeltPlace& place) {
   if (e.slices_m.empty()) return std::nullopt;
-  return felt_variance(e, x_m, depth_m, z_m).deviation();
+  return felt_variance(e, place).deviation();
 }
 
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>& e, double x_m,
@@ -236,14 +283,15 @@ double from_slices_m(const ExplicitModulus& e, double z_m) {
   return nearest_m <= spacing_z_m(e) / 2 ? 0 : nearest_m;
 }
 
-std::optional<SliceWish> wished_slice(const ExplicitModulus& e, double x_m, double depth_m, double z_m,
+std::optional<SliceWish> wished_slice(const ExplicitModulus& e, const FeltPlace& place,
                                       const std::optional<double>& tolerance) {
+  const double z_m = place.z_m;
   if (from_slices_m(e, z_m) == 0) return std::nullopt;
   const double spacing_m = spacing_z_m(e), last = static_cast<double>(e.z_m.size() - 2),
                before = std::clamp(std::floor((z_m - e.z_m.front()) / spacing_m), 0.0, last),
                middle_m = e.z_m.front() + (before + 0.5) * spacing_m;
   if (nearest_slice_m(e, middle_m) < kSameSliceM) return std::nullopt;  // z is farther by a rounding
-  const FeltVariance felt = felt_variance(e, x_m, depth_m, z_m);
+  const FeltVariance felt = felt_variance(e, place);
   const double with_it = std::sqrt(felt.stated + unseen_variance(std::abs(z_m - middle_m))),
                less = ForceBudget::kOf95 * (felt.deviation() - with_it);
   if (less <= tolerance.value_or(usual_tolerance(std::sqrt(felt.stated)).relative)) return std::nullopt;
@@ -285,6 +333,14 @@ void check_slices(const ExplicitModulus& e) {
   for (std::size_t n = 0; n < e.log_deviation.size(); ++n)
     if (!(e.log_deviation[n] >= 0 && std::isfinite(e.log_deviation[n])))
       throw std::invalid_argument(fmt::format("log_deviation[{}]: {} cannot be", n, e.log_deviation[n]));
+  if (!e.log_modes.empty() && (e.log_deviation.empty() || e.log_modes.size() != e.slices()))
+    throw std::invalid_argument(
+        fmt::format("log_modes: of {} slices, but there are {}", e.log_modes.size(), e.slices()));
+  const auto plane = static_cast<std::ptrdiff_t>(e.log_deviation.size() / e.slices());
+  for (std::size_t n = 0; n < e.log_modes.size(); ++n) {
+    const auto first = e.log_deviation.begin() + plane * static_cast<std::ptrdiff_t>(n);
+    check_log_modes(fmt::format("log_modes[{}]", n), e.log_modes[n], {first, first + plane});
+  }
 }
 
 }  // namespace

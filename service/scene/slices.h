@@ -9,6 +9,7 @@
 
 #include "service/base/limits.h"
 #include "service/imaging/modulus/tissue_extent.h"
+#include "service/scene/felt_elements.h"
 #include "service/scene/geometry.h"
 #include "service/scene/scene_record.h"
 
@@ -23,7 +24,13 @@ struct ModulusSlice {
   std::vector<double> x_m, y_m;
   std::vector<double> youngs_modulus_pa;   // of each element between them, x fastest; > 0
   std::vector<double> log_deviation = {};  // standard deviation of ln E of each; empty: exact
+  // Its changes by one deviation of each cause that is wrong in many places at once, one after another; what
+  // they leave is known place by place. Empty: nothing is known of that, all may be wrong alike.
+  std::vector<float> log_modes = {};
 };
+
+// Of a slice, at most.
+inline constexpr std::size_t kMaxLogModes = 32;
 
 // All of them, in any order, on the nodes of `grid`. Throws std::invalid_argument (field named: slices[n])
 // for none, two at one place, one beside the grid or on another, a modulus that is none; Error(kExhausted)
@@ -51,9 +58,9 @@ struct Between {
 };
 Between between(const ExplicitModulus&, double z_m);
 
-// Standard deviation of ln E there, root mean square over the elements around (x, z) that a touch on the
-// surface feels (T8.7); none where the modulus was given throughout.
-std::optional<double> felt_log_deviation(const ExplicitModulus&, double x_m, double depth_m, double z_m);
+// Standard deviation of ln E as a contact feels it (T9.4): of the mean with the elements' shares of its
+// force; none where the modulus was given throughout.
+std::optional<double> felt_log_deviation(const ExplicitModulus&, const FeltPlace&);
 
 // The slices of a solid nearest to z, but for one there, as one sees them whose window begins at x.
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>&, double x_m, double z_m);
@@ -71,7 +78,7 @@ struct SliceWish {
 // The one that would make this half width there smaller by more than `tolerance` (none: as usual, by what the
 // slices state there): in the middle of the elements around z, where none is. None where the slices reach, or
 // are what is not known well.
-std::optional<SliceWish> wished_slice(const ExplicitModulus&, double x_m, double depth_m, double z_m,
+std::optional<SliceWish> wished_slice(const ExplicitModulus&, const FeltPlace&,
                                       const std::optional<double>& tolerance);
 
 // Of the scene's size: so far nodes may begin and end beside it, by rounding.

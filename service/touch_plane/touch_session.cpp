@@ -48,6 +48,15 @@ bool finite(const ContactAnswer& c) {
          std::all_of(c.pressure.begin(), c.pressure.end(), known);
 }
 
+// Of a tip that stands above it, a light touch's.
+FeltPlace felt_by(const Fingertip& tip, const Layer& layer, const TouchPose& pose) {
+  constexpr double kLeastM = 1e-3;
+  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
+  const double pressed_m = std::max(choices::kLightTouch, indentation_m(layer, pose)),
+               radius_m = round ? std::sqrt(tip.radius_m * pressed_m) : tip.half_width_m;
+  return {pose.position_m[0], layer.depth_m, pose.position_m[2], std::max(kLeastM, radius_m)};
+}
+
 // What a scene adds to what the model of a touch says that it may be off by: how well its modulus is known,
 // and tissue that nobody gave.
 
@@ -55,9 +64,8 @@ bool finite(const ContactAnswer& c) {
 // window (where it states none that of tissue nobody measured, and what the window's places share). Nothing
 // where the modulus was given.
 std::optional<double> stated_log_deviation(const SceneSnapshot& snapshot, const WindowModel& window,
-                                           const Layer& layer, const TouchPose& pose) {
-  if (snapshot.modulus)
-    return felt_log_deviation(*snapshot.modulus, pose.position_m[0], layer.depth_m, pose.position_m[2]);
+                                           const FeltPlace& place) {
+  if (snapshot.modulus) return felt_log_deviation(*snapshot.modulus, place);
   if (!window.evidence) return std::nullopt;  // given
   const WindowEvidence& e = *window.evidence;
   return e.log_deviation > 0 ? e.log_deviation : std::hypot(choices::kUnseenDeviation, e.common_deviation);
@@ -164,7 +172,8 @@ TouchAnswer TouchSession::solve(const Vector3& position_m, const MayEnter& may_e
   answer.window_id = window->id;
   if (snapshot->modulus) {  // of the newest slices; newtons excuse a light touch, and it may be pressed next
     const auto& asked = options_.tolerance;
-    answer.wish = wished_slice(*snapshot->modulus, x_m, layer_.depth_m, z_m,
+    const TouchPose pose{{x_m, position_m[1] - layer_.depth_m, z_m}};
+    answer.wish = wished_slice(*snapshot->modulus, felt_by(options_.fingertip, layer_, pose),
                                asked ? std::optional(asked->relative) : std::nullopt);
   }
   try {
@@ -366,7 +375,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   if (c.state == ContactState::kNoContact) return;
   const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
                                               scene_->geometry().depth_m - layer_.depth_m);
-  answer.log_deviation = stated_log_deviation(snapshot, *window_, layer_, pose);
+  answer.log_deviation = stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose));
   add_scene_errors(answer.log_deviation, beside, answer.contact);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
@@ -396,7 +405,7 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   const TouchPose pose = at_indentation(layer_, above, choices::kLightTouch);
   const auto& [x_m, y_m, z_m] = pose.position_m;
   ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->answer(options_.fingertip, pose)};
-  add_scene_errors(stated_log_deviation(snapshot, *window_, layer_, pose),
+  add_scene_errors(stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose)),
                    beside_what_was_given(window_->region, options_.fingertip, pose,
                                          scene_->geometry().depth_m - layer_.depth_m),
                    touch.contact);

@@ -69,6 +69,30 @@ TEST(SlicePlane, WhatWasNotMeasuredContinuesTheNearestAndSaysSo) {
   EXPECT_THROW(slice_plane({maps[0], maps[1]}, grid), ServiceError);
 }
 
+// Two changes, on cells of their own: the one everywhere alike, the other of the upper row alone.
+TEST(SlicePlane, WhatIsWrongInManyPlacesStaysSoInItsElements) {
+  const SliceGrid grid = grid_of(0.004, 0.004);
+  v1::Map modes = map_of("youngs_modulus_log_modes", 2, 2, {0.3F, 0.3F, 0.3F, 0.3F, 0.4F, 0.4F, 0, 0});
+  modes.mutable_grid()->set_spacing_m(0, 0.003);
+  modes.mutable_grid()->add_size(2), modes.mutable_grid()->add_origin_m(0),
+      modes.mutable_grid()->add_spacing_m(1);
+  // Of the first row nothing is valid; the second is known to 0.5; the image ends there.
+  const SlicePlane plane =
+      slice_plane({map_of("youngs_modulus", 4, 2, std::vector<float>(8, 1e4)),
+                   map_of("valid", 4, 2, {0, 0, 0, 0, 1, 1, 1, 1}),
+                   map_of("youngs_modulus_log_std", 4, 2, std::vector<float>(8, 0.5F)), modes},
+                  grid);
+  ASSERT_EQ(plane.log_modes.size(), 16u);
+  for (std::size_t n = 0; n < 8; ++n) {
+    EXPECT_NEAR(plane.log_modes[n], 0.3, 1e-6) << n;
+    EXPECT_NEAR(plane.log_modes[8 + n], n < 2 ? 0.4 : 0, 1e-6) << n;
+  }
+  EXPECT_NEAR(plane.log_std[2], 0.5, 1e-6);
+  EXPECT_NEAR(plane.log_std[0], std::sqrt(0.25 + 0.16), 1e-6)
+      << "above it: its own changes, and what is left";
+  EXPECT_NEAR(plane.log_std[4], std::hypot(0.5, std::numbers::ln2), 1e-6) << "below it nobody knows";
+}
+
 TEST(SliceVolume, LiesAsTheCommandSlicesWantsIt) {
   const SliceGrid grid = grid_of(0.004, 0.002);
   const MetaImage image = slice_volume(grid, {{1, {{1, 2, 3, 4}, {}}}}, &SlicePlane::pa);

@@ -14,6 +14,8 @@
 namespace teletact::service {
 namespace {
 
+constexpr double kFeltM = 0.0028;  // radius of a usual contact
+
 TEST(Slices, BetweenThemLnEIsInterpolatedAndTheOutermostGoOn) {
   const ExplicitModulus e = stack({0.003, -0.005});  // in any order
   EXPECT_EQ(e.slices_m, (std::vector<double>{-0.005, 0.003}));
@@ -70,7 +72,7 @@ ModulusSlice uniform(double z_m, double pa, double deviation) {
 TEST(Slices, TheirDeviationGrowsBetweenThem) {
   const ExplicitModulus e =
       stacked(grid(), {uniform(-0.004, 1e4, 0.1), uniform(0.004, 3e4, 0), uniform(0.006, 3e4, 0.2)}, {});
-  const auto at = [&](double z_m) { return felt_log_deviation(e, kBallX, 0, z_m).value(); };
+  const auto at = [&](double z_m) { return felt_log_deviation(e, {kBallX, 0, z_m, kFeltM}).value(); };
   EXPECT_NEAR(at(-0.004), 0.1, 1e-12);
   EXPECT_NEAR(at(0.004), 0, 1e-12) << "exact where it states none";
   EXPECT_NEAR(at(0.006), 0.2, 1e-12);
@@ -83,13 +85,13 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   EXPECT_DOUBLE_EQ(at(0.012), at(0.018)) << "no farther than what nobody measured";
   ExplicitModulus throughout = grid();
   throughout.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
-  EXPECT_FALSE(felt_log_deviation(throughout, kBallX, 0, 0));
+  EXPECT_FALSE(felt_log_deviation(throughout, {kBallX, 0, 0, kFeltM}));
 }
 
 // The middle of the elements there, which are 2 mm along z.
 TEST(Slices, OneMoreIsWishedWhereItTellsEnough) {
   const auto at = [](const ExplicitModulus& e, double z_m, std::optional<double> tolerance) {
-    return wished_slice(e, kBallX, 0, z_m, tolerance);
+    return wished_slice(e, {kBallX, 0, z_m, kFeltM}, tolerance);
   };
   const auto of = [](double deviation) {
     return stacked(grid(), {uniform(-0.005, 1e4, deviation), uniform(0.005, 4e4, deviation)}, {});
@@ -124,16 +126,42 @@ TEST(Slices, OneMoreIsWishedWhereItTellsEnough) {
   EXPECT_NEAR(at(grown, 0.0028, 0.1)->z_m, 0.003, 1e-12);
 }
 
-// What the finger feels: not what is far from it, at its side or below.
+// What the finger feels: hardly what is far from it, at its side or below.
 TEST(Slices, TheirDeviationIsThatUnderTheFinger) {
   ModulusSlice slice = uniform(0, 1e4, 0.1);
   for (std::size_t n = 0; n < 240; ++n)
     if (n % 24 >= 16 || n / 24 >= 9) slice.log_deviation[n] = 1;
   const ExplicitModulus e = stacked(grid(), {slice}, {});
-  EXPECT_GT(felt_log_deviation(e, 0.016, e.y_m.back() - 0.001, 0).value(), 0.3) << "felt from a row below";
-  EXPECT_NEAR(felt_log_deviation(e, 0.016, 0, 0).value(), 0.1, 1e-12);
-  EXPECT_GT(felt_log_deviation(e, 0.028, 0, 0).value(), 0.3);
-  EXPECT_GT(felt_log_deviation(e, 0.047, 0, 0).value(), 0.9);
+  const auto at = [&](double x_m, double depth_m) {
+    return felt_log_deviation(e, {x_m, depth_m, 0, kFeltM}).value();
+  };
+  EXPECT_GT(at(0.016, e.y_m.back() - 0.001), 0.5) << "felt from a row below";
+  EXPECT_LT(at(0.016, 0), 0.2);
+  EXPECT_GT(at(0.028, 0), 0.3);
+  EXPECT_GT(at(0.047, 0), 0.95);
+}
+
+// Half of what is wrong here is wrong everywhere, or changes its sign with depth.
+TEST(Slices, WhatIsWrongAlikeIsFeltAsAWholeTheRestLess) {
+  const auto at = [](const ModulusSlice& slice, double radius_m = kFeltM) {
+    return felt_log_deviation(stacked(grid(), {slice}, {}), {kBallX, 0, 0, radius_m}).value();
+  };
+  ModulusSlice slice = uniform(0, 1e4, 0.5);
+  EXPECT_NEAR(at(slice), 0.5, 1e-9) << "where nothing is known of that";
+  slice.log_modes.assign(2 * 240, 0.3F);
+  const double alike = 2 * 0.09, own = 0.25 - alike, left = left_of_local(kFeltM, choices::kLocalCorrelation);
+  EXPECT_NEAR(at(slice), std::sqrt(alike + left * own), 1e-6);
+  EXPECT_GT(at(slice, 0.001), at(slice)) << "a narrow contact feels more of it";
+  for (std::size_t n = 24; n < 240; ++n) slice.log_modes[n] = -0.3F;
+  EXPECT_LT(at(slice), std::sqrt(0.09 + 0.05 + left * own)) << "what it feels of a change cancels";
+  slice.log_modes.assign(240, 0);
+  EXPECT_NEAR(at(slice), std::sqrt(left) * 0.5, 1e-6);
+  // Between slices, of which one says nothing.
+  const ExplicitModulus both = stacked(grid(), {slice, uniform(0.004, 1e4, 0.5)}, {});
+  ASSERT_EQ(both.log_modes.size(), 2u);
+  EXPECT_TRUE(both.log_modes[1].empty());
+  EXPECT_NEAR(felt_log_deviation(both, {kBallX, 0, 0.002, kFeltM}).value(),
+              std::sqrt(0.125 * (1 + left) + std::pow(choices::kUnseenDeviation * 0.4, 2)), 1e-6);
 }
 
 TEST(Slices, DeviationsComeOneByOneAsTheyComeTogether) {
@@ -200,6 +228,16 @@ TEST(Slices, AreRefusedByName) {
     refused([&](ModulusSlice& s) { s.log_deviation.assign(240, 0), s.log_deviation[7] = deviation; },
             "slice.youngs_modulus_log_std[7]");
   refused([](ModulusSlice& s) { s.log_deviation.assign(239, 0); }, "slice.youngs_modulus_log_std");
+  for (const float change : {0.2F, -0.2F, float(kNan), HUGE_VALF})
+    refused(
+        [&](ModulusSlice& s) {
+          s.log_deviation.assign(240, 0.1), s.log_modes.assign(480, 0.01F), s.log_modes[247] = change;
+        },
+        "slice.youngs_modulus_log_modes[247]");
+  for (const std::size_t size : {239, 241, 33 * 240})
+    refused([&](ModulusSlice& s) { s.log_deviation.assign(240, 1), s.log_modes.assign(size, 0.01F); },
+            "slice.youngs_modulus_log_modes");
+  refused([](ModulusSlice& s) { s.log_modes.assign(240, 0); }, "slice.youngs_modulus_log_modes");
   refused([](ModulusSlice& s) { s.x_m = grid().x_m, s.x_m[3] += 1e-4; }, "slice.modulus.x_m");
   refused([](ModulusSlice& s) { s.y_m = grid().y_m, s.y_m.pop_back(); }, "slice.modulus.y_m");
   ModulusSlice same = slice_at(0.004);
@@ -258,6 +296,17 @@ TEST(Slices, AreKeptOnDisk) {
                 doubtful.description, [&](const std::string&) { return doubtful.map; }, Limits{})
                 .explicit_modulus->log_deviation,
             scene->snapshot()->modulus->log_deviation);
+  ModulusSlice with_modes = uniform(0.007, 1e4, 0.2);
+  with_modes.log_modes.assign(480, 0.1F);
+  scene->publish(with_modes);
+  const EncodedScene modes = encoded(scene->record());
+  const auto read = [&](const std::string& description) {
+    return decoded(
+               description, [&](const std::string&) { return modes.map; }, Limits{})
+        .explicit_modulus->log_modes;
+  };
+  EXPECT_EQ(read(modes.description), scene->snapshot()->modulus->log_modes);
+  EXPECT_EQ(read(modes.description)[3].size(), 480u);
   std::string broken = kept.description;
   broken.replace(broken.find("\"slices\": 3"), 11, "\"slices\": 9");
   EXPECT_THROW(decoded(

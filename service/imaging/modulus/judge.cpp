@@ -76,6 +76,12 @@ void widen(Field& log_deviation, double by) {
   for (float& d : log_deviation) d = static_cast<float>(std::hypot(d, by));
 }
 
+// By what all places share.
+void widen_all(ModulusEstimate& out, double by) {
+  widen(out.log_deviation, by);
+  if (out.log_modes.count() > 0) out.log_modes.add_everywhere(by);
+}
+
 // Median over the nodes that say something.
 double typical(const Field& field) {
   std::vector<float> said;
@@ -236,7 +242,7 @@ void scale(const ModulusInput& in, ModulusEstimate& out) {
   if (!out.absolute || !in.known) return;
   const auto [worst, shift] = worst_disagreement(in, out);
   if (!(worst > kMaxDisagreement)) return;
-  widen(out.log_deviation, shift);
+  widen_all(out, shift);
   out.warn(ModulusFlag::kScale,
            "the modulus is {:.2f} times what was found before beside this window or in it, {:.1f} standard "
            "deviations: one of the probe's two forces is wrong, or its contact was not whole",
@@ -270,8 +276,7 @@ void extent(const ModulusInput& in, ModulusEstimate& out) {
 // all around: lumps below such a face were, by up to e^4.5. Last: the other flags are of what the method
 // itself states.
 void misfit(ModulusEstimate& out) {
-  if (warned(out, ModulusFlag::kMisfit) && out.kind == ModulusKind::kSolid)
-    widen(out.log_deviation, kMisfitLog);
+  if (warned(out, ModulusFlag::kMisfit) && out.kind == ModulusKind::kSolid) widen_all(out, kMisfitLog);
 }
 
 // A part of the deviation, and the warning that it belongs to.
@@ -351,7 +356,7 @@ void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   check_cancelled();
   widened_by(ModulusFlag::kExtent, [&] { extent(in, out); });
   widened_by(ModulusFlag::kMisfit, [&] { misfit(out); });
-  widen(out.log_deviation, out.common_deviation);
+  widen_all(out, out.common_deviation);
   uncertain(std::move(parts), own.noise, out);
   out.median_deviation = typical(out.log_deviation);
   const double common = mean_square(out.log_deviation) - own.mean_square;

@@ -57,9 +57,20 @@ enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };
 
 using ModulusFlag = WarningFlag;  // those of the modulus come first
 
+// Changes of ln E by one standard deviation of each cause that is wrong in many places at once (T9.4).
+struct LogModes {
+  ImageGrid grid = {};
+  std::vector<float> values = {};  // [cause][y][x]
+  std::size_t count() const { return values.empty() ? 0 : values.size() / grid.size(); }
+  void add_everywhere(double deviation) {
+    values.insert(values.end(), grid.size(), static_cast<float>(deviation));
+  }
+};
+
 struct ModulusEstimate {
-  Field youngs_modulus;  // Pa, or relative (median 1); NaN where nothing can be said
-  Field log_deviation;   // standard deviation of log E; NaN where youngs_modulus is; empty: not computed
+  Field youngs_modulus;     // Pa, or relative (median 1); NaN where nothing can be said
+  Field log_deviation;      // standard deviation of log E; NaN where youngs_modulus is; empty: not computed
+  LogModes log_modes = {};  // of a solid: parts of it; the rest is known place by place
   double median_deviation = 0;  // of log_deviation over the nodes that say something; 0: not computed
   double common_deviation = 0;  // part of log_deviation that all places share, by what is stated (T3.10)
   // Errors of log E at two places correlate by exp(-distance / it); assumed by methods that do not find it.

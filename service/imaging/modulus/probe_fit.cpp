@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <array>
@@ -36,7 +37,7 @@ constexpr double kFarFromStated = 3;  // deviations of it: that is another start
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
 constexpr double kLeastWeight = 0.01;    // of a tissue that counts
-constexpr double kOther = 0.25;          // of ln of depth or elevation: other tissue of the same kind
+constexpr std::size_t kMostBetween = 4;  // changes that tissues differ by: a fifth brings under 1 % more
 constexpr double kSure = 0.9;            // weight: no other tissue is named
 constexpr double kSpreadOfDepth = 0.29;  // deviation of the cells' depth, in images
 
@@ -92,44 +93,15 @@ double alike_m2(const VectorXd& left, const CellGrid& cells, double scale) {
   return std::max(kAlikeM2, sum * cells.spacing_m * cells.row_m);
 }
 
-// What ends here or there ends: whether and how, and whether it slides.
-std::array<int, 2> kind_of(const CandidateTissue& m) {
-  return {m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2, m.face.slides};
-}
-
-// Whether the fits of one kind lead to the same face and depth.
-bool leads_alike(const CandidateTissue& a, const CandidateTissue& b) {
-  const auto apart = [&](double ProbeFace::*length, Index column) {
-    return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
-  };
-  return a.block ||
-         std::max(apart(&ProbeFace::elevation_m, kElevation), apart(&ProbeFace::depth_m, kDepth)) < kOther;
-}
-
-// Weights of all. A kind that two starts lead to the same face and depth counts once, as the likelier says.
-void weigh_together(std::vector<WeighedTissues>& starts) {
-  using Models = std::vector<CandidateTissue*>;  // of one kind and start, the likeliest first
-  std::vector<Models> counted;
-  for (WeighedTissues& start : starts) {
-    std::map<std::array<int, 2>, Models> kinds;
-    for (CandidateTissue& m : start.models) kinds[kind_of(m)].push_back(&m);
-    for (auto& [kind, models] : kinds) {
-      std::ranges::sort(models, std::ranges::greater{}, &CandidateTissue::odds);
-      const auto twin = std::ranges::find_if(counted, [&](const Models& others) {
-        return kind_of(*others[0]) == kind && leads_alike(*others[0], *models[0]);
-      });
-      if (twin == counted.end())
-        counted.push_back(models);
-      else if (models[0]->odds() > (*twin)[0]->odds())
-        *twin = models;
-    }
-  }
-  double best = -HUGE_VAL, sum = 0;
-  for (const Models& models : counted) best = std::max(best, models[0]->odds());
-  for (const Models& models : counted)
-    for (CandidateTissue* m : models) sum += m->weight = std::exp(m->odds() - best);
-  for (const Models& models : counted)
-    for (CandidateTissue* m : models) m->weight /= sum;
+// So many fields at most whose products make up those of the columns, but for little.
+std::vector<VectorXd> principal(const MatrixXd& columns, std::size_t most) {
+  constexpr double kLeast = 1e-3;  // of all
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> of(columns.transpose() * columns);
+  std::vector<VectorXd> out;
+  for (Index k = columns.cols() - 1; k >= 0 && out.size() < most; --k)
+    if (of.eigenvalues()[k] > kLeast * of.eigenvalues().sum())
+      out.push_back(columns * of.eigenvectors().col(k));
+  return out;
 }
 
 // Cells that tell no modulus: near the face, and where homogeneous tissue hardly strains.
@@ -152,8 +124,9 @@ int ProbeFitter::max_solves(FitEffort effort) {
   const int starts = effort == FitEffort::kAllStarts ? 3
                      : all                           ? 2
                                                      : 1,
-            coarse = starts * TissueWeigher::max_coarse_solves(all) +
-                     (all ? TissueWeigher::max_coarse_solves_of_reference() : 0);
+            coarse =
+                starts * TissueWeigher::max_coarse_solves(all) +
+                (all ? TissueWeigher::max_coarse_solves_of_reference() + kSkinSolves * kCoarsePerSolve : 0);
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
@@ -185,6 +158,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
 
   const bool all = effort != FitEffort::kUsual;
   w.as_stated = !all;
+  if (all) w.by_skin = weigher_.skin(usual(w), w.cells);
   std::vector<WeighedTissues> starts{weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
   bool untried = !all;
   if (all) {
@@ -233,6 +207,10 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
     }
   }
   weigh_together(starts);
+  if (all)
+    for (WeighedTissues& start : starts)
+      for (CandidateTissue& m : start.models)
+        if (m.weight > kLeastWeight) weigher_.fit_skin(start.window, m, std::hypot(m.fit.rest, kModelLog));
   ProbeFit out = publish(starts, in, sign, all, untried);
   out.top_m = top_m;
   if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
@@ -294,47 +272,95 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
     log_strain.array() -= in.force ? log_force : w.measured.observed.dot(log_strain) / observed;
     return log_strain;
   };
+  // Of the skin: in the mean over all tissues; beforehand, where the fit is not of it.
+  const auto skin_of = [&](const CandidateTissue& m, std::size_t k) {
+    return m.with_skin ? m.with_skin->at[m.with_skin->at.size() - static_cast<Index>(kSkinChanges - k)]
+                       : w.skin.mean[k];
+  };
+  const auto each = [&](const auto& work) {
+    for (const WeighedTissues& weighed : starts)
+      for (const CandidateTissue& m : weighed.models)
+        if (m.weight > kLeastWeight) work(weighed.window, m);
+  };
+  std::array<double, kSkinChanges> skin{};
+  double weights = 0;
+  each([&](const TissueWindow&, const CandidateTissue& m) {
+    weights += m.weight;
+    for (std::size_t k = 0; k < kSkinChanges; ++k) skin[k] += m.weight * skin_of(m, k);
+  });
+  out.skin = VectorXd::Zero(static_cast<Index>(cells.size()));
+  for (std::size_t k = 0; k < kSkinChanges; ++k) out.skin += (skin[k] /= weights) * skin_cells(cells, k);
   const auto found = [&](const TissueWindow& about, const CandidateTissue& m, double share = 1) {
     VectorXd log_strain = m.answer->log_strain;
     if (!m.block) log_strain += about.finer;
     double log_force = m.answer->log_force - (m.face.goes_on() ? log_share : 0);
     const auto add = [&](Index column, const VectorXd& of_strain, double of_force) {
-      log_strain += share * m.fit.at[column] * of_strain, log_force += share * m.fit.at[column] * of_force;
+      const double at = share * (m.with_skin ? *m.with_skin : m.fit).at[column];
+      log_strain += at * of_strain, log_force += at * of_force;
     };
     if (!m.block && all) {
       add(kElevation, about.by_elevation, about.force_by_elevation);
       add(kDepth, about.by_depth, about.force_by_depth);
       if (m.by_beside.size()) add(kBeside, m.by_beside, m.force_by_beside);
+      for (std::size_t k = 0; k < kSkinChanges; ++k) {
+        const double more = share * (skin_of(m, k) - skin[k]);
+        log_strain += more * about.by_skin.log_strain[k], log_force += more * about.by_skin.log_force[k];
+      }
     }
     return of_modulus(std::move(log_strain), log_force);
   };
   const VectorXd used = found(w, likeliest, 0);
-  VectorXd mean = VectorXd::Zero(used.size()), variance = mean;
-  const auto of_all = [&](const auto& add) {
-    for (const WeighedTissues& weighed : starts)
-      for (const CandidateTissue& m : weighed.models)
-        if (m.weight > kLeastWeight) add(m.weight, found(weighed.window, m) - used);
-  };
-  of_all([&](double weight, const VectorXd& beyond) { mean += weight * beyond; });
-  of_all([&](double weight, const VectorXd& beyond) { variance += weight * (beyond - mean).cwiseAbs2(); });
+  VectorXd mean = VectorXd::Zero(used.size());
+  each([&](const TissueWindow& about, const CandidateTissue& m) {
+    mean += m.weight * (found(about, m) - used);
+  });
   out.shift = in_cells(mean);
-  out.between = in_cells(variance.cwiseSqrt());
+  // What tissues differ by.
+  std::vector<VectorXd> differing;
+  each([&](const TissueWindow& about, const CandidateTissue& m) {
+    VectorXd away = in_cells(found(about, m) - used - mean);
+    for (std::size_t k = 0; k < kSkinChanges; ++k) away += (skin_of(m, k) - skin[k]) * skin_cells(cells, k);
+    differing.push_back(std::sqrt(m.weight) * away);
+  });
+  MatrixXd apart(static_cast<Index>(cells.size()), std::ssize(differing));
+  for (Index n = 0; const VectorXd& away : differing) apart.col(n++) = away;
+  out.between = apart.rowwise().norm();
+  out.between_modes = principal(apart, kMostBetween);
   // And what the likeliest leaves open of itself; of a block, whose length alone bears the force, that.
   if (likeliest.block && in.force)
     out.changes.push_back(VectorXd::Constant(static_cast<Index>(cells.size()), w.elevation.deviation));
-  if (!likeliest.block) {
-    std::vector<VectorXd> by{of_modulus(w.by_elevation, w.force_by_elevation),
-                             of_modulus(w.by_depth, w.force_by_depth)};
-    if (likeliest.by_beside.size()) by.push_back(of_modulus(likeliest.by_beside, likeliest.force_by_beside));
-    const auto count = static_cast<Index>(by.size());
-    const MatrixXd root =
-        all ? MatrixXd(likeliest.fit.covariance.block(kElevation, kElevation, count, count).llt().matrixL())
-            : MatrixXd(Eigen::Vector2d(w.elevation.deviation, w.depth.deviation).asDiagonal());
-    for (Index k = 0; k < count; ++k) {
-      VectorXd change = VectorXd::Zero(used.size());
-      for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
-      out.changes.push_back(in_cells(change));
-    }
+  std::vector<VectorXd> by;  // in the order of the fit's columns
+  if (!likeliest.block)
+    for (const auto& [of_strain, of_force] :
+         {std::pair(&w.by_elevation, w.force_by_elevation), std::pair(&w.by_depth, w.force_by_depth)})
+      by.push_back(in_cells(of_modulus(*of_strain, of_force)));
+  const bool fitted_all = all && !likeliest.block;
+  if (fitted_all && likeliest.by_beside.size())
+    by.push_back(in_cells(of_modulus(likeliest.by_beside, likeliest.force_by_beside)));
+  for (std::size_t k = 0; k < kSkinChanges; ++k) {
+    by.push_back(skin_cells(cells, k));
+    if (likeliest.with_skin)
+      by.back() += in_cells(of_modulus(w.by_skin.log_strain[k], w.by_skin.log_force[k]));
+  }
+  const auto count = static_cast<Index>(by.size()), skins = static_cast<Index>(kSkinChanges);
+  MatrixXd covariance = MatrixXd::Zero(count, count);
+  if (likeliest.with_skin) {
+    covariance = likeliest.with_skin->covariance.block(kElevation, kElevation, count, count);
+  } else {
+    const Index lengths = count - skins;
+    if (fitted_all)
+      covariance.topLeftCorner(lengths, lengths) =
+          likeliest.fit.covariance.block(kElevation, kElevation, lengths, lengths);
+    else if (!likeliest.block)
+      covariance(0, 0) = squared(w.elevation.deviation), covariance(1, 1) = squared(w.depth.deviation);
+    for (Index k = 0; k < skins; ++k)
+      covariance(lengths + k, lengths + k) = squared(w.skin.deviation[static_cast<std::size_t>(k)]);
+  }
+  const MatrixXd root = covariance.llt().matrixL();
+  for (Index k = 0; k < count; ++k) {
+    VectorXd change = VectorXd::Zero(static_cast<Index>(cells.size()));
+    for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
+    out.changes.push_back(std::move(change));
   }
   out.common_log = likeliest.block || out.face.goes_on() ? kCommonLog : kCommonLogOfSides;
   const double grading = all ? likeliest.fit.at[kGrading] : 0;

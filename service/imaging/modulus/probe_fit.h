@@ -30,6 +30,9 @@ struct ProbeFit {
   // variance between them; and its change by one standard deviation of each thing that the likeliest leaves
   // open of itself.
   Eigen::VectorXd shift, between;
+  std::vector<Eigen::VectorXd>
+      between_modes;     // of which, but for little, `between` is the root of the squares
+  Eigen::VectorXd skin;  // ln E of the skin's layers over that below
   std::vector<Eigen::VectorXd> changes;
   double common_log = 0;     // of ln E: the mesh, what the tissue does at its sides, what was not tried
   double rest = 0;           // of ln(strain): what is unexplained where tissue looks homogeneous

@@ -17,6 +17,7 @@
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/modulus/robust_fit.h"
 #include "service/imaging/modulus/seed.h"
+#include "service/imaging/modulus/skin.h"
 #include "service/imaging/modulus/sparse_factor.h"
 #include "service/imaging/modulus/total_variation.h"
 #include "service/imaging/tracking/median.h"
@@ -157,7 +158,9 @@ class SolidModulusMethod : public ModulusMethod {
   static constexpr double kLastStep = 0.004, kConvergedStep = 0.01;
 
   struct Found {
-    VectorXd log_modulus, deviation;  // of the cells, E in Pa under which the probe bears force_n
+    VectorXd log_modulus;              // of the cells, E in Pa under which the probe bears force_n
+    VectorXd own_deviation;            // of it: what is known cell by cell,
+    std::vector<VectorXd> modes = {};  // and its change by one deviation of each cause that many share
     double force_n = 0;
   };
 
@@ -181,7 +184,7 @@ class SolidModulusMethod : public ModulusMethod {
     out.converged = false;
     while (out.iterations < steps) {
       check_cancelled();
-      const auto response = fit.tissue->push(theta, tilt, planes_beyond(beside, theta, *fit.tissue));
+      const auto response = pushed(fit, theta, tilt, beside);
       const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
       VectorXd residual = VectorXd::Zero(size);
       observed = weight;
@@ -238,26 +241,35 @@ class SolidModulusMethod : public ModulusMethod {
             100 * static_cast<double>((theta.array() > kStiffLog).count()) /
                 static_cast<double>(theta.size()));
     }
-    found.deviation = denoise.deviation(observed, theta);
+    found.own_deviation = denoise.deviation(observed, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
     double all_own = 0, all_common = 0;
-    const auto typical = [&](const VectorXd& of) { return of.norm() / std::sqrt(static_cast<double>(size)); };
+    const auto columns = static_cast<Index>(cells.columns), skin = columns * static_cast<Index>(kSkinLayers);
+    const auto typical = [&](const VectorXd& of) {
+      return of.tail(size - skin).norm() / std::sqrt(static_cast<double>(size - skin));
+    };
     out.model_deviation = typical(fit.between);
     for (const VectorXd& change : fit.changes)
       out.unstated_deviation = std::hypot(out.unstated_deviation, typical(change));
+    found.modes = fit.changes;
+    found.modes.insert(found.modes.end(), fit.between_modes.begin(), fit.between_modes.end());
+    found.modes.push_back(VectorXd::Constant(size, fit.common_log));
+    found.modes.push_back(of_tilt * fit.by_tilt);
     for (Index c = 0; c < size; ++c) {
-      double own = std::pow(found.deviation[c], 2) + std::pow(one_slice * theta[c], 2),
-             common = fit.common_log * fit.common_log + std::pow(of_tilt * fit.by_tilt[c], 2) +
-                      std::pow(fit.between[c], 2);
+      double own = c < skin ? squared(kSkinVariesLog)
+                            : std::pow(found.own_deviation[c], 2) + std::pow(one_slice * theta[c], 2),
+             between = squared(fit.between[c]), common = 0;
+      for (const VectorXd& mode : fit.between_modes) between -= squared(mode[c]);
+      own += std::max(0.0, between);
       if (!out.converged) own += std::pow(kUnsettledLog * moved[c], 2);
-      for (const VectorXd& change : fit.changes) common += change[c] * change[c];
+      for (const VectorXd& mode : found.modes) common += squared(mode[c]);
       if (observed[c] > 0) all_own += own, all_common += common;
-      found.deviation[c] = std::sqrt(own + common);
-      if (!(observed[c] > 0)) found.deviation[c] = std::max(found.deviation[c], kUnobservedLog);
+      if (c >= skin && !(observed[c] > 0)) own = std::max(own, squared(kUnobservedLog) - common);
+      found.own_deviation[c] = std::sqrt(own);
     }
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
-    theta += fit.shift;
+    theta += fit.shift + fit.skin;
     return found;
   }
 
@@ -281,10 +293,16 @@ class SolidModulusMethod : public ModulusMethod {
     return planes;
   }
 
+  static auto pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
+                     const ProbedTissue::Planes& beside) {
+    const VectorXd with_skin = theta + fit.skin;
+    return fit.tissue->push(with_skin, tilt, planes_beyond(beside, with_skin, *fit.tissue));
+  }
+
   // The probe's force, N, under the push that leaves as much strain as was measured.
   double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& observed,
                     const ProbedTissue::Planes& beside) const {
-    const auto response = fit.tissue->push(theta, tilt, planes_beyond(beside, theta, *fit.tissue));
+    const auto response = pushed(fit, theta, tilt, beside);
     const VectorXd strain = -as_measured(response.axial_strain, fit.tissue->cells(), strain_);
     VectorXd residual = VectorXd::Zero(theta.size());
     for (Index c = 0; c < theta.size(); ++c)
@@ -311,8 +329,15 @@ class SolidModulusMethod : public ModulusMethod {
       if (!in.measured.displacement_valid[n] || y_m < 0 || y_m > fit.face.image_depth_m) continue;
       out.youngs_modulus[n] =
           static_cast<float>(std::exp(at_node(found.log_modulus, cells, image, fit.top_m, n) + log_scale));
-      out.log_deviation[n] = static_cast<float>(at_node(found.deviation, cells, image, fit.top_m, n));
+      double variance = squared(at_node(found.own_deviation, cells, image, fit.top_m, n));
+      for (const VectorXd& mode : found.modes) variance += squared(at_node(mode, cells, image, fit.top_m, n));
+      out.log_deviation[n] = static_cast<float>(std::sqrt(variance));
     }
+    LogModes& modes = out.log_modes;
+    modes.grid = {cells.columns,   cells.rows, cells.first_x_m, fit.top_m + cells.row_m / 2,
+                  cells.spacing_m, cells.row_m};
+    for (const VectorXd& mode : found.modes)
+      for (const double value : mode) modes.values.push_back(static_cast<float>(value));
     normalise(out);
   }
 

@@ -25,6 +25,7 @@ constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps bet
 constexpr double kVary = 0.15, kTiltStep = 0.1;
 constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
 constexpr int kRoundsOfOthers = 2;
+constexpr double kSkinBeside = 0.3;    // depths beside the face: nearer sides change what skin does
 constexpr double kWorthless = 5;       // ln of the odds against a model that is not looked at closer
 constexpr double kLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
 
@@ -85,6 +86,11 @@ const TissueAnswer& TissueWeigher::block_answer(const ProbeFace& face, const Cel
   return keep(std::move(out));
 }
 
+SkinAnswer TissueWeigher::skin(const ProbeFace& face, const CellGrid& at) {
+  coarse_solves_ += kSkinSolves * kCoarsePerSolve;
+  return skin_answer(queue_, strain_, face, at);
+}
+
 TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& face) const {
   const ProbedTissue::Response level = tissue.push_homogeneous();
   const VectorXd strain = -as_measured(level.axial_strain, tissue.cells(), strain_);
@@ -109,9 +115,15 @@ const TissueAnswer& TissueWeigher::keep(TissueAnswer answer) {
   return *answers_.back();
 }
 
-void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale) const {
+namespace {
+
+VectorXd residual_of(const TissueWindow& w, const CandidateTissue& m) {
   VectorXd residual = m.answer->log_strain - w.measured.log_strain;
   if (!m.block) residual += w.finer;
+  return residual;
+}
+
+std::vector<FitColumn> columns_of(const TissueWindow& w, const CandidateTissue& m) {
   std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}};
   // Sides may look like a grading: it counts where they are tried.
   if (!w.as_stated) columns.push_back({w.of_depth, 0, kUsualGrading, true});
@@ -123,9 +135,23 @@ void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale)
     known(w.depth, w.by_depth, m.face.depth_m);
     if (m.by_beside.size()) columns.push_back({-m.by_beside, 0, kOfGridStep, false});
   }
-  m.fit = fit_robustly(residual, w.measured.observed, columns, w.places, scale);
+  return columns;
+}
+
+}  // namespace
+
+void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale) const {
+  m.fit = fit_robustly(residual_of(w, m), w.measured.observed, columns_of(w, m), w.places, scale);
   if (std::isfinite(w.lateral_ratio))
     m.fit.misfit += std::log1p(squared((w.lateral_ratio - m.answer->lateral_ratio) / kLateralRatio) / 2);
+}
+
+void TissueWeigher::fit_skin(const TissueWindow& w, CandidateTissue& m, double scale) const {
+  if (m.block || m.face.beside_m < kSkinBeside * m.face.depth_m) return;
+  std::vector<FitColumn> columns = columns_of(w, m);
+  for (std::size_t k = 0; k < kSkinChanges; ++k)
+    columns.push_back({-w.by_skin.log_strain[k], w.skin.mean[k], w.skin.deviation[k], true});
+  m.with_skin = fit_robustly(residual_of(w, m), w.measured.observed, columns, w.places, scale);
 }
 
 // To where its elevation, depth and end are linear.
@@ -286,6 +312,50 @@ int TissueWeigher::max_coarse_solves(bool all) {
   constexpr int kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1);
   return all ? max_coarse_solves_of_reference() + kCoarsePerSolve + kOthers + (1 + kOthers) * kRoundsOfOthers
              : kCoarsePerSolve + 6;
+}
+
+std::array<int, 2> kind_of(const CandidateTissue& m) {
+  return {m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2, m.face.slides};
+}
+
+namespace {
+
+constexpr double kOther = 0.25;  // of ln of depth or elevation: other tissue of the same kind
+
+// Whether the fits of one kind lead to the same face and depth.
+bool leads_alike(const CandidateTissue& a, const CandidateTissue& b) {
+  const auto apart = [&](double ProbeFace::*length, Index column) {
+    return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
+  };
+  return a.block ||
+         std::max(apart(&ProbeFace::elevation_m, kElevation), apart(&ProbeFace::depth_m, kDepth)) < kOther;
+}
+
+}  // namespace
+
+void weigh_together(std::vector<WeighedTissues>& starts) {
+  using Models = std::vector<CandidateTissue*>;  // of one kind and start, the likeliest first
+  std::vector<Models> counted;
+  for (WeighedTissues& start : starts) {
+    std::map<std::array<int, 2>, Models> kinds;
+    for (CandidateTissue& m : start.models) kinds[kind_of(m)].push_back(&m);
+    for (auto& [kind, models] : kinds) {
+      std::ranges::sort(models, std::ranges::greater{}, &CandidateTissue::odds);
+      const auto twin = std::ranges::find_if(counted, [&](const Models& others) {
+        return kind_of(*others[0]) == kind && leads_alike(*others[0], *models[0]);
+      });
+      if (twin == counted.end())
+        counted.push_back(models);
+      else if (models[0]->odds() > (*twin)[0]->odds())
+        *twin = models;
+    }
+  }
+  double best = -HUGE_VAL, sum = 0;
+  for (const Models& models : counted) best = std::max(best, models[0]->odds());
+  for (const Models& models : counted)
+    for (CandidateTissue* m : models) sum += m->weight = std::exp(m->odds() - best);
+  for (const Models& models : counted)
+    for (CandidateTissue* m : models) m->weight /= sum;
 }
 
 }  // namespace teletact::service

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -13,6 +14,7 @@
 #include "service/imaging/modulus/cell_strains.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/modulus/robust_fit.h"
+#include "service/imaging/modulus/skin.h"
 
 namespace teletact::service {
 
@@ -56,6 +58,7 @@ struct TissueWindow {
   std::optional<double> beside_m;  // stated
   double beside_std_m;
   KnownLength elevation, depth;
+  SkinPrior skin = {};
   bool as_stated = false;  // a level and a tilt alone are fitted
   double lateral_ratio = NAN;
   CellStrains measured = {};
@@ -66,6 +69,7 @@ struct TissueWindow {
   ProbeFace face = {};  // of the reference, tissue that goes on: the changes of its ln(strain), ln(force)
   Eigen::VectorXd by_tilt = {}, by_elevation = {}, by_depth = {};
   double force_by_elevation = 0, force_by_depth = 0;
+  SkinAnswer by_skin = {};  // where more than a level and a tilt is fitted
 };
 
 struct CandidateTissue {
@@ -77,6 +81,9 @@ struct CandidateTissue {
   double force_by_beside = 0;
   const TissueAnswer* answer = nullptr;  // of `face`
   RobustFit fit = {};
+  // The same with the skin's changes as the last columns, where the tissue goes on far enough beside the face
+  // for them: not to tell tissues apart, whose sides look like skin.
+  std::optional<RobustFit> with_skin = {};
   double weight = 0;
   double odds() const { return log_prior - fit.misfit; }  // ln, but for what all share
 };
@@ -101,12 +108,14 @@ class TissueWeigher {
   TissueWeigher(const Queue&, const StrainOptions&, std::shared_ptr<StripCache>);
   // Of tissue that goes on, ends or slides. Throws std::invalid_argument, DeviceError.
   const TissueAnswer& answer(ProbeFace, bool tilted = false, double cell_m = kCoarseCellM);
+  SkinAnswer skin(const ProbeFace&, const CellGrid& at);
   // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
   CandidateTissue reference(TissueWindow&, const ProbeFace& start, int rounds);
   // The reference, which moves from its start in `rounds` less one; `all`: what else the tissue may be, too.
   WeighedTissues weigh(TissueWindow, const ProbeFace& start, bool all, int rounds);
   // To the window's strain, at one scale, or (0) that of what it leaves itself.
   void fit(const TissueWindow&, CandidateTissue&, double scale) const;
+  void fit_skin(const TissueWindow&, CandidateTissue&, double scale) const;
 
   void begin();  // a fit: counts its solves, and forgets what was kept where it is much
   int coarse_solves() const { return coarse_solves_; }
@@ -126,5 +135,10 @@ class TissueWeigher {
   std::vector<std::unique_ptr<TissueAnswer>> answers_;  // of this window and those before
   int coarse_solves_ = 0;
 };
+
+// What ends here or there ends: whether and how, and whether it slides.
+std::array<int, 2> kind_of(const CandidateTissue&);
+// Weights of all. A kind that two starts lead to the same face and depth counts once, as the likelier says.
+void weigh_together(std::vector<WeighedTissues>& starts);
 
 }  // namespace teletact::service

@@ -1,0 +1,39 @@
+// The tissue's topmost millimetres, in which no strain is measured (T3.6): layers along the face, told by
+// what they change of the strain below, most of all at the face's ends.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+
+#include "service/device/queue.h"
+#include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/tracking/measured.h"
+
+namespace teletact::service {
+
+inline constexpr std::size_t kSkinLayers = 3;  // rows of fine cells, about 1 mm each
+// What is not known of ln E in them over that below: a change of all alike, then of each by itself.
+inline constexpr std::size_t kSkinChanges = kSkinLayers + 1;
+// Standard deviation of what changes of it along the face, over 20 mm.
+inline constexpr double kSkinVariesLog = 0.15;
+
+struct SkinPrior {
+  // Skin of which nothing is said: each layer within a factor of two, half of which (as variance) is alike.
+  std::array<double, kSkinChanges> mean{}, deviation{0.49, 0.49, 0.49, 0.49};
+};
+
+// What a change changes under a face on homogeneous tissue: ln(strain) as measured, and ln(force).
+struct SkinAnswer {
+  std::array<Eigen::VectorXd, kSkinChanges> log_strain;
+  std::array<double, kSkinChanges> log_force;
+};
+
+// In the cells `at`, by kSkinSolves pushes of fine cells. Throws as make_probed_solid().
+SkinAnswer skin_answer(const Queue&, const StrainOptions&, const ProbeFace&, const CellGrid& at);
+inline constexpr int kSkinSolves = static_cast<int>(kSkinLayers) + 1;
+
+// 1 in the layers that the change is of, else 0.
+Eigen::VectorXd skin_cells(const CellGrid&, std::size_t change);
+
+}  // namespace teletact::service

@@ -1,0 +1,38 @@
+// Which elements of an image plane a contact feels, and what of the modulus's error is left in its force
+// (T9.4).
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace teletact::service {
+
+// Of a contact's middle, and its radius, about.
+struct FeltPlace {
+  double x_m = 0, depth_m = 0, z_m = 0;
+  double radius_m = 0;
+};
+
+// Shares of a round contact's force that elements between these nodes bear, 1 in all, were the tissue
+// homogeneous and its modulus the same all across the plane: in closed form, within a few percent of those of
+// finite elements.
+class FeltElements {
+ public:
+  FeltElements(const std::vector<double>& x_m, const std::vector<double>& y_m, const FeltPlace&);
+  // f(element, share) of those with any.
+  template <class F>
+  void each(const F& f) const {
+    for (std::size_t n = 0; n < share_.size(); ++n)
+      if (share_[n] > 0) f(first_ + n % columns_ + all_columns_ * (n / columns_), share_[n]);
+  }
+
+ private:
+  std::size_t all_columns_, first_, columns_;
+  std::vector<double> share_;
+};
+
+// Variance of the mean with these shares, over the mean of the variances, of what correlates by
+// exp(-distance / length).
+double left_of_local(double radius_m, double length_m);
+
+}  // namespace teletact::service
