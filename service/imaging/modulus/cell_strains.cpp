@@ -95,4 +95,20 @@ double at_node(const VectorXd& of_cells, const CellGrid& cells, const ImageGrid&
   return (1 - t) * ((1 - s) * at(0, 0) + s * at(1, 0)) + t * ((1 - s) * at(0, 1) + s * at(1, 1));
 }
 
+double alike_m2(const VectorXd& left, const CellGrid& cells, double scale) {
+  constexpr Index kReach = 5;  // cells
+  const auto columns = static_cast<Index>(cells.columns), rows = static_cast<Index>(cells.rows);
+  const VectorXd limited = left.cwiseMax(-2 * scale).cwiseMin(2 * scale);
+  double sum = 0;
+  for (Index j = -kReach; j <= kReach; ++j)
+    for (Index i = -kReach; i <= kReach; ++i) {
+      double products = 0;
+      for (Index b = std::max<Index>(0, -j); b < std::min(rows, rows - j); ++b)
+        for (Index a = std::max<Index>(0, -i); a < std::min(columns, columns - i); ++a)
+          products += limited[a + columns * b] * limited[a + i + columns * (b + j)];
+      sum += std::max(0.0, products / limited.squaredNorm());
+    }
+  return sum * cells.spacing_m * cells.row_m;
+}
+
 }  // namespace teletact::service

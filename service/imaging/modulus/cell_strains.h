@@ -25,4 +25,8 @@ Eigen::VectorXd as_measured(const Eigen::VectorXd& strain, const CellGrid&, cons
 double at_node(const Eigen::VectorXd& of_cells, const CellGrid&, const ImageGrid&, double top_m,
                std::size_t n);
 
+// Over what area a field of the cells is alike, m2: the integral of its autocorrelation while that is above
+// 0, lumps limited to two scales.
+double alike_m2(const Eigen::VectorXd& of_cells, const CellGrid&, double scale);
+
 }  // namespace teletact::service

@@ -1,9 +1,8 @@
 #include "service/imaging/modulus/probe_fit.h"
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -73,35 +72,6 @@ KnownLength depth_known(const TissueExtent& tissue, double depth_m, double image
   const double log = std::log(depth_m);
   return {true, log, tissue.depth_std_m > 0 ? tissue.depth_std_m / depth_m : kLogStated, std::min(low, log),
           std::max(high, log)};
-}
-
-// Over what area what is left of a fit is alike: the integral of its autocorrelation while that is above 0,
-// lumps limited to two scales.
-double alike_m2(const VectorXd& left, const CellGrid& cells, double scale) {
-  constexpr Index kReach = 5;  // cells
-  const auto columns = static_cast<Index>(cells.columns), rows = static_cast<Index>(cells.rows);
-  const VectorXd limited = left.cwiseMax(-2 * scale).cwiseMin(2 * scale);
-  double sum = 0;
-  for (Index j = -kReach; j <= kReach; ++j)
-    for (Index i = -kReach; i <= kReach; ++i) {
-      double products = 0;
-      for (Index b = std::max<Index>(0, -j); b < std::min(rows, rows - j); ++b)
-        for (Index a = std::max<Index>(0, -i); a < std::min(columns, columns - i); ++a)
-          products += limited[a + columns * b] * limited[a + i + columns * (b + j)];
-      sum += std::max(0.0, products / limited.squaredNorm());
-    }
-  return std::max(kAlikeM2, sum * cells.spacing_m * cells.row_m);
-}
-
-// So many fields at most whose products make up those of the columns, but for little.
-std::vector<VectorXd> principal(const MatrixXd& columns, std::size_t most) {
-  constexpr double kLeast = 1e-3;  // of all
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> of(columns.transpose() * columns);
-  std::vector<VectorXd> out;
-  for (Index k = columns.cols() - 1; k >= 0 && out.size() < most; --k)
-    if (of.eigenvalues()[k] > kLeast * of.eigenvalues().sum())
-      out.push_back(columns * of.eigenvectors().col(k));
-  return out;
 }
 
 // Cells that tell no modulus: near the face, and where homogeneous tissue hardly strains.
@@ -195,7 +165,8 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
                                      return s.least().fit.rest;
                                    })->least();
     const double scale = std::hypot(least.fit.rest, kModelLog),
-                 places = w.cells.spacing_m * w.cells.row_m / alike_m2(least.fit.left, w.cells, scale);
+                 places = w.cells.spacing_m * w.cells.row_m /
+                          std::max(kAlikeM2, alike_m2(least.fit.left, w.cells, scale));
     for (WeighedTissues& start : starts) {
       start.window.places = places;
       for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
@@ -398,7 +369,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
                             : m.face.beside_m > 0
                                 ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
                                 : "is as wide as the probe";
-    const bool other_depth = std::abs(std::log(m.face.depth_m / likeliest.face.depth_m)) > kOther;
+    const bool other_depth = std::abs(std::log(m.face.depth_m / likeliest.face.depth_m)) > kOtherLength;
     return end + (m.face.slides ? " and slides on its support" : "") +
            (other_depth ? fmt::format(" and is {:.0f} mm deep", 1e3 * m.face.depth_m) : "");
   };

@@ -1,6 +1,7 @@
 #include "service/imaging/modulus/robust_fit.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -71,6 +72,16 @@ RobustFit fit_robustly(const VectorXd& field, const VectorXd& told, const std::v
     const double away = squared((out.at[k] - column.usual) / column.deviation) / 2;
     out.misfit += (column.doubted ? std::log(1 + away) : away) + std::log(column.deviation);
   }
+  return out;
+}
+
+std::vector<VectorXd> principal(const MatrixXd& columns, std::size_t most) {
+  constexpr double kLeast = 1e-3;  // of all
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> of(columns.transpose() * columns);
+  std::vector<VectorXd> out;
+  for (Index k = columns.cols() - 1; k >= 0 && out.size() < most; --k)
+    if (of.eigenvalues()[k] > kLeast * of.eigenvalues().sum())
+      out.push_back(columns * of.eigenvectors().col(k));
   return out;
 }
 

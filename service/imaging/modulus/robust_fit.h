@@ -35,4 +35,7 @@ struct RobustFit {
 RobustFit fit_robustly(const Eigen::VectorXd& field, const Eigen::VectorXd& told,
                        const std::vector<FitColumn>& columns, double places, double scale = 0);
 
+// So many fields at most whose products make up those of the columns, but for little.
+std::vector<Eigen::VectorXd> principal(const Eigen::MatrixXd& columns, std::size_t most);
+
 }  // namespace teletact::service

@@ -164,6 +164,12 @@ class SolidModulusMethod : public ModulusMethod {
     double force_n = 0;
   };
 
+  static ProbedTissue::Response pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
+                                       const ProbedTissue::Planes& beside) {
+    const VectorXd with_skin = theta + fit.skin;
+    return fit.tissue->push(with_skin, tilt, planes_beyond(beside, with_skin, *fit.tissue));
+  }
+
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
   Found find(const ModulusInput& in, const ProbeFit& fit, const ProbedTissue::Planes& beside, int steps,
              ModulusEstimate& out) const {
@@ -291,12 +297,6 @@ class SolidModulusMethod : public ModulusMethod {
       planes.push_back({slice.offset_m, logarithm.cwiseMax(-kRangeLog).cwiseMin(kRangeLog)});
     }
     return planes;
-  }
-
-  static auto pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
-                     const ProbedTissue::Planes& beside) {
-    const VectorXd with_skin = theta + fit.skin;
-    return fit.tissue->push(with_skin, tilt, planes_beyond(beside, with_skin, *fit.tissue));
   }
 
   // The probe's force, N, under the push that leaves as much strain as was measured.

@@ -1,6 +1,7 @@
 #include "service/imaging/modulus/weighed_tissues.h"
 
 #include <array>
+#include <map>
 #include <stdexcept>
 #include <utility>
 
@@ -320,15 +321,13 @@ std::array<int, 2> kind_of(const CandidateTissue& m) {
 
 namespace {
 
-constexpr double kOther = 0.25;  // of ln of depth or elevation: other tissue of the same kind
-
 // Whether the fits of one kind lead to the same face and depth.
 bool leads_alike(const CandidateTissue& a, const CandidateTissue& b) {
   const auto apart = [&](double ProbeFace::*length, Index column) {
     return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
   };
-  return a.block ||
-         std::max(apart(&ProbeFace::elevation_m, kElevation), apart(&ProbeFace::depth_m, kDepth)) < kOther;
+  return a.block || std::max(apart(&ProbeFace::elevation_m, kElevation), apart(&ProbeFace::depth_m, kDepth)) <
+                        kOtherLength;
 }
 
 }  // namespace
