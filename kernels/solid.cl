@@ -1,7 +1,7 @@
 // Solid elasticity on hexahedra (T8) and conjugate gradients for a touched block:
-// service/tissue/solid/solid_solver.h. An iteration is step_forward, the preconditioner's launches up to
-// backward_dot (solid_items.cl, solid_groups.cl), and then solid_direction and solid_apply on processors,
-// solid_advance on GPUs.
+// service/tissue/solid/solid_solver.h. An iteration is, on processors, solid_step, the preconditioner's
+// launches with patch_project and patch_spread between them, solid_dot, solid_direction and solid_apply; on
+// GPUs those of solid_groups.cl, and solid_advance.
 //
 // Fields: [plane = 3 row + component][z][x]. On processors those that K is applied to are *wide*: each row of
 // x has WIDTH numbers before and after it, the other end's, and there is one more row of nodes, the held one,
@@ -92,6 +92,23 @@ kernel void solid_direction(global real* restrict marks, global const real* rest
     if (slots[n] >= 0) dq[slots[n]] = q[slots[n]] + (beta != 0 ? beta * dq[slots[n]] : 0);
 }
 
+// u += alpha d, r -= alpha K d. Rows of d begin and end with WIDTH numbers more. Items: planes.
+kernel void solid_step(global const real* restrict d, global const real* restrict kd, global real* restrict u,
+                       global real* restrict r, global const accum* restrict curvature,
+                       global real* restrict marks, const int nx, const int nz, const int planes,
+                       const int parts, const int before) {
+  const int plane = get_global_id(0);
+  if (plane >= planes) return;
+  const real alpha = step_length(marks, curvature, parts, before, 0);
+  for (int row = plane * nz; row < (plane + 1) * nz; ++row) {
+    global const real* along = d + row * (nx + 2 * WIDTH) + WIDTH;
+    for (int n = row * nx; n < (row + 1) * nx; n += WIDTH, along += WIDTH) {
+      STORE(LOAD(u + n) + alpha * LOAD(along), u + n);
+      STORE(LOAD(r + n) - alpha * LOAD(kd + n), r + n);
+    }
+  }
+}
+
 #if WIDTH == 1
 // Both at once on a GPU: d = z + beta d_from at the 27 nodes around each, and what solid_apply does. Groups:
 // rows of x (k, row of nodes); no field is wide but the modulus.
@@ -159,14 +176,14 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void solid_advance(
 }
 #endif
 
-// Partial sums of a . b: each item sums `chunk` groups of WIDTH. Items: (chunk).
+// Partial sums of a . b, from `first` on: each item sums `chunk` groups of WIDTH. Items: (chunk).
 kernel void solid_dot(global const real* restrict a, global const real* restrict b,
-                      global accum* restrict partial, const int groups, const int chunk) {
+                      global accum* restrict partial, const int first, const int groups, const int chunk) {
   const int n = get_global_id(0), begin = n * chunk, end = min(begin + chunk, groups);
   if (begin >= groups) return;
   vec sum = (vec)(0);
   for (int m = begin; m < end; ++m) sum += LOAD(a + WIDTH * m) * LOAD(b + WIDTH * m);
-  partial[n] = sum_lanes(sum);
+  partial[first + n] = sum_lanes(sum);
 }
 
 // out = from + sign B^T q, or that the other way round where `of_field` is -1. The patch's row begins at
@@ -180,7 +197,7 @@ kernel void patch_add(global const int* restrict slots, global const real* restr
   out[n] = of_field * from[n] + (slot >= 0 ? sign * q[slot] : 0);
 }
 
-// Below the surface: q = M B z0, z0 how the tissue would move by itself, and p -= alpha dq where there was an
+// q = M B z0, z0 how the tissue would move by itself, and p -= alpha dq where there was an
 // iteration before. Items: rows of M.
 kernel void patch_project(global const real* restrict inverse, global const int* restrict unknowns,
                           global const real* restrict z, global real* restrict q,
@@ -188,15 +205,22 @@ kernel void patch_project(global const real* restrict inverse, global const int*
                           global const real* restrict marks, const int count, const int before) {
   const int row = get_global_id(0);
   if (row >= count) return;
-  real sums[4] = {0, 0, 0, 0};
-  for (int n = 0; n < count; ++n) sums[n % 4] += inverse[row * count + n] * z[unknowns[n]];
-  q[row] = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  global const real* of_row = inverse + row * count;
+  real even = 0, odd = 0;
+  int n = 0;
+  for (; n + 2 <= count; n += 2) {
+    even += of_row[n] * z[unknowns[n]];
+    odd += of_row[n + 1] * z[unknowns[n + 1]];
+  }
+  if (n < count) even += of_row[n] * z[unknowns[n]];
+  q[row] = even + odd;
   if (before >= 0) p[row] = p_from[row] - marks[MARKS_OF_ITERATION * before + ALPHA] * dq[row];
 }
 
-// field = B^T q, in unknowns begin ... end - 1 of a row of nodes that begins at `row` in the field.
+// field = sign B^T q, in unknowns begin ... end - 1 of a row of nodes that begins at `row` in the field.
 kernel void patch_spread(global const int* restrict slots, global const real* restrict q,
-                         global real* restrict field, const int begin, const int end, const int row) {
+                         global real* restrict field, const real sign, const int begin, const int end,
+                         const int row) {
   const int n = begin + get_global_id(0);
-  if (n < end) field[row + n] = slots[n] >= 0 ? q[slots[n]] : 0;
+  if (n < end) field[row + n] = slots[n] >= 0 ? sign * q[slots[n]] : 0;
 }

@@ -1,19 +1,21 @@
-// Conjugate gradients on solid tissue (solid.cl) joined with Fourier transforms, on GPUs (processors:
-// solid_items.cl): work-groups as of fourier_groups.cl. What the kernels do is said there.
+// Conjugate gradients on solid tissue (solid.cl) joined with Fourier transforms, on GPUs: work-groups as of
+// fourier_groups.cl. Processors launch the parts one after the other: each pair of sizes would have PoCL
+// compile all of them for 20 s, instead of the transforms alone for 7 s.
 #include "fourier_lines.clh"
 #include "solid_marks.clh"
 
+// solid_step where there was an iteration before (before >= 0), and the transform of r: rows alone.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void step_forward(
     global const real* restrict d, global const real* restrict kd, global const real* u_from, global real* u,
     global const real* r_from, global real* r, global const accum* restrict curvature,
     global real* restrict marks, global real* restrict spectrum, global const real* restrict roots,
-    const int count, const int margin, const int parts, const int before) {
+    const int count, const int parts, const int before) {
   local real re[4 * GROUP], im[4 * GROUP];
   const int begin = ROWS * OWN_GROUP, rows = count * NZ;
   if (before >= 0) {
     const real alpha = step_length(marks, curvature, parts, before, re);
     for (int n = begin * NX + get_local_id(0); n < min(begin + ROWS, rows) * NX; n += GROUP) {
-      u[n] = u_from[n] + alpha * d[n / NX * (NX + 2 * margin) + margin + n % NX];
+      u[n] = u_from[n] + alpha * d[n];
       r[n] = r_from[n] - alpha * kd[n];
     }
     barrier(CLK_LOCAL_MEM_FENCE);                              // `re` is used again
@@ -23,7 +25,7 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void step_forward(
   }
 }
 
-// Rows alone.
+// The transform back to z, rows alone, and partial sums of r . z, one of each group.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void backward_dot(
     global real* restrict spectrum, global real* restrict z, global const real* restrict r,
     global real* restrict marks, global const real* restrict roots, const int count) {
@@ -37,7 +39,9 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void backward_dot(
   if (get_local_id(0) == 0) marks[PARTS + OWN_GROUP] = sum;
 }
 
-// One group.
+// Between the sweeps, planes first .. first + planes - 1 of the surface: how it would move, back from its
+// spectra; patch_project; -B^T q, and its spectra. M is symmetric: q is the sum of its rows times B's
+// numbers. One group.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void patch_surface(
     global real* restrict spectrum, global real* restrict field, global const real* restrict roots,
     global const real* restrict inverse, global const int* restrict unknowns,
@@ -58,9 +62,14 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void patch_surface(
   }
   const real alpha = before < 0 ? 0 : marks[MARKS_OF_ITERATION * before + ALPHA];
   for (int row = item; row < count; row += GROUP) {
-    real sums[4] = {0, 0, 0, 0};
-    for (int n = 0; n < count; ++n) sums[n % 4] += inverse[n * count + row] * field[unknowns[n]];
-    q[row] = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+    real even = 0, odd = 0;
+    int n = 0;
+    for (; n + 2 <= count; n += 2) {
+      even += inverse[n * count + row] * field[unknowns[n]];
+      odd += inverse[(n + 1) * count + row] * field[unknowns[n + 1]];
+    }
+    if (n < count) even += inverse[n * count + row] * field[unknowns[n]];
+    q[row] = even + odd;
     if (before >= 0) p[row] = p_from[row] - alpha * dq[row];
   }
   barrier(CLK_GLOBAL_MEM_FENCE);

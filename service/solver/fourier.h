@@ -33,7 +33,7 @@ class Fourier {
   // The inverse of forward, 1 / (nx nz) included; uses these planes of the spectrum up. It must be that of a
   // real field: X(kx, -kz) conjugate to X(kx, kz) at kx = 0 and nx/2.
   void backward(Array<T>& spectrum, Array<T>& field, std::size_t first, std::size_t count);
-  // For kernels that include fourier_lines.clh, of work-groups, or else fourier_items.clh.
+  // For kernels of work-groups, which include fourier_lines.clh.
   std::size_t group() const { return group_; }  // items in a work-group; 0: kernels of items
   const Defines& defines() const { return defines_; }
   const Array<T>& roots() const { return roots_; }

@@ -85,7 +85,7 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       modulus_(std::make_shared<const SolidModulus<T>>(queue, tissue, layered(tissue))),
       preconditioner_(queue, grid_, modulus_->layers, tissue.poisson_ratio),
       row_(std::make_shared<const SolidRow>(SolidRow{0, preconditioner_.surface_compliance()})),
-      ahead_(queue.info().gpu),
+      ahead_(preconditioner_.fourier().group() > 0),
       width_(lanes(queue, grid_.nx, sizeof(T))),
       group_(ahead_ ? std::min(grid_.nx, kLargestGroup) : 1),
       nx_(static_cast<int>(grid_.nx)),
@@ -113,22 +113,25 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
   }
   surface_ = queue.array<T>(3 * columns);
   const Range rows = preconditioner_.fourier().over_rows(3 * layers);
-  parts_ = static_cast<int>((rows.global[0] + rows.local[0] - 1) / rows.local[0]);
+  parts_ = static_cast<int>(ahead_ ? (rows.global[0] + rows.local[0] - 1) / rows.local[0] : chunks_);
   marks_ = queue.array(std::vector<T>(kParts + static_cast<std::size_t>(parts_), T{0}));
   partial_ = queue.array<T>(std::max(chunks_, layers * grid_.nz));
   slots_ = queue.array<int>(3 * columns);
   const Defines defines{{"WIDTH", std::to_string(width_)}, {"GROUP", std::to_string(group_)}};
   const auto get = [&](const char* name) { return queue.kernel("solid", name, precision_of<T>, defines); };
-  apply_ = get(ahead_ ? "solid_advance" : "solid_apply");
-  direction_ = get("solid_direction");
   dot_ = get("solid_dot");
   add_ = get("patch_add");
   project_ = get("patch_project");
   spread_ = get("patch_spread");
-  const Fourier<T>& fourier = preconditioner_.fourier();
+  if (!ahead_) {
+    apply_ = get("solid_apply");
+    direction_ = get("solid_direction");
+    step_ = get("solid_step");
+    return;
+  }
+  apply_ = get("solid_advance");
   const auto joined = [&](const char* name) {
-    return queue.kernel(fourier.group() > 0 ? "solid_groups" : "solid_items", name, precision_of<T>,
-                        fourier.defines());
+    return queue.kernel("solid_groups", name, precision_of<T>, preconditioner_.fourier().defines());
   };
   step_ = joined("step_forward");
   back_ = joined("backward_dot");
@@ -163,11 +166,11 @@ auto SolidSolver<T>::set_patch(const std::vector<std::size_t>& unknowns, bool pu
 }
 
 template <class T>
-void SolidSolver<T>::spread(const Array<T>& values, Array<T>& field, const Components& components,
+void SolidSolver<T>::spread(const Array<T>& values, Array<T>& field, T sign, const Components& components,
                             std::size_t begin) {
   const auto first = static_cast<int>(components.first * grid_.columns());
   const auto end = static_cast<int>((components.first + components.count) * grid_.columns());
-  spread_({{static_cast<std::size_t>(end - first)}, {64}}, slots_, values, field, first, end,
+  spread_({{static_cast<std::size_t>(end - first)}, {64}}, slots_, values, field, sign, first, end,
           static_cast<int>(begin));
 }
 
@@ -180,18 +183,23 @@ void SolidSolver<T>::solve_layers(const Array<T>& r, Array<T>& z) {
 template <class T>
 void SolidSolver<T>::move_layers(const Components& components, Array<T>& u) {
   if (row_->index == 0) {
-    spread(p_[last_p_], surface_, components, 0);
+    spread(p_[last_p_], surface_, T{1}, components, 0);
     preconditioner_.solve_surface(surface_, components, u);
     return;
   }
   queue_.fill_zero(kd_);
-  spread(p_[last_p_], kd_, {0, 3}, row_begin());
+  spread(p_[last_p_], kd_, T{1}, {0, 3}, row_begin());
   solve_layers(kd_, u);
 }
 
 template <class T>
+void SolidSolver<T>::sum_products(const Array<T>& a, const Array<T>& b, Array<T>& sums, std::size_t first) {
+  dot_({{chunks_}, {1}, chunk_}, a, b, sums, static_cast<int>(first), groups_, static_cast<int>(chunk_));
+}
+
+template <class T>
 double SolidSolver<T>::dot(const Array<T>& a, const Array<T>& b) {
-  dot_({{chunks_}, {1}, chunk_}, a, b, partial_, groups_, static_cast<int>(chunk_));
+  sum_products(a, b, partial_, 0);
   std::vector<T> sums(chunks_);
   queue_.read(partial_, sums.data(), chunks_);
   double sum = 0;
@@ -233,20 +241,52 @@ void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
 }
 
 template <class T>
+void SolidSolver<T>::project(const Patch& patch, const Array<T>& field, std::size_t k) {
+  const std::size_t now = at(k), then = k == 0 ? now : at(k - 1);
+  project_({{static_cast<std::size_t>(patch.count)}, {1}, static_cast<std::size_t>(patch.count) / 4},
+           inverse_, unknowns_, field, q_, dq_, p_[then], p_[now], marks_, patch.count, turn_before(k));
+}
+
+template <class T>
 void SolidSolver<T>::precondition(const Patch& patch, std::size_t k) {
+  if (ahead_) return precondition_joined(patch, k);
+  Array<T>& r = r_[0];
+  if (k > 0) {
+    const std::size_t planes = 3 * grid_.layers(), products = grid_.layers() * grid_.nz;
+    step_({{planes}, {1}, chain_of(products, 1)}, d_[0], kd_, u_[0], r, partial_, marks_, nx_, nz_,
+          static_cast<int>(planes), static_cast<int>(products), turn_before(k));
+  }
+  if (!patch.pushed || row_->index > 0) {
+    solve_layers(r, z_);
+  } else {
+    preconditioner_.up(r, patch.components, surface_);
+    project(patch, surface_, k);
+    spread(q_, surface_, T{-1}, patch.components, 0);
+    preconditioner_.down(surface_, patch.components, z_);
+  }
+  if (patch.pushed && row_->index > 0) {
+    // No condition enters between the sweeps: q from z0, and the layers again, under r - B^T q.
+    project(patch, z_, k);
+    add_patch(q_, r, kd_, T{1}, T{-1});
+    solve_layers(kd_, z_);
+  }
+  sum_products(r, z_, marks_, kParts);
+}
+
+// The same in fewer launches.
+template <class T>
+void SolidSolver<T>::precondition_joined(const Patch& patch, std::size_t k) {
   Fourier<T>& fourier = preconditioner_.fourier();
   Array<T>& spectrum = preconditioner_.spectrum();
   const auto planes = static_cast<std::size_t>(3 * rows_);
-  const int count = static_cast<int>(planes), earlier = turn_before(k),
-            margin = ahead_ ? 0 : static_cast<int>(width_);
-  const std::size_t now = at(k), then = k == 0 ? now : at(k - 1),
-                    items = std::max<std::size_t>(1, fourier.group());
+  const int count = static_cast<int>(planes), earlier = turn_before(k);
+  const std::size_t now = at(k), then = k == 0 ? now : at(k - 1), items = fourier.group();
   const auto products = static_cast<int>(planes / 3 * grid_.nz);  // of K d by d, in parts
   Range rows = fourier.over_rows(planes), back = rows;
   rows.chain = chain_of(static_cast<std::size_t>(products), items);
-  back.chain = items > 1 ? 16 : grid_.nx / width_ + grid_.nz;
+  back.chain = 16;
   step_(rows, d_[then], kd_, u_[then], u_[now], r_[then], r_[now], partial_, marks_, spectrum,
-        fourier.roots(), count, margin, products, earlier);
+        fourier.roots(), count, products, earlier);
   fourier.columns(spectrum, 0, planes, false);
   const bool surface = patch.pushed && row_->index == 0;
   const Components components = surface ? patch.components : Components{0, 0};
@@ -258,10 +298,8 @@ void SolidSolver<T>::precondition(const Patch& patch, std::size_t k) {
                   static_cast<int>(components.count), patch.count, earlier);
   preconditioner_.substitute(components);
   if (patch.pushed && !surface) {
-    // No condition enters between the sweeps: q from z0, and the layers again, under r - B^T q.
     fourier.backward(spectrum, z_, 0, planes);
-    project_({{static_cast<std::size_t>(patch.count)}, {1}, static_cast<std::size_t>(patch.count) / 4},
-             inverse_, unknowns_, z_, q_, dq_, p_[then], p_[now], marks_, patch.count, earlier);
+    project(patch, z_, k);
     add_patch(q_, r_[now], kd_, T{1}, T{-1});
     fourier.forward(kd_, spectrum, 0, planes);
     preconditioner_.eliminate(components);

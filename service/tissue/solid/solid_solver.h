@@ -124,16 +124,21 @@ class SolidSolver {
   SolidSolution iterate(const Patch&, double twice_energy, const SolidOptions&);
   // What iteration k begins with: u and r of the last one's step, z, r . z in parts.
   void precondition(const Patch&, std::size_t k);
+  void precondition_joined(const Patch&, std::size_t k);
+  // q of the patch from how the tissue would move, `field`, and p of the last step.
+  void project(const Patch&, const Array<T>& field, std::size_t k);
   // d = z + beta d and dq alike, K d + B^T dq, and d . that in parts. parts: of r . z; 0: at the start, d =
   // z.
   void turn(const Array<T>& z, int parts, int patch_row, std::size_t k);
-  // The patch's values, with zeros between, in the planes of a field from `begin` on.
-  void spread(const Array<T>& values, Array<T>& field, const Components&, std::size_t begin);
+  // sign times the patch's values, with zeros between, in the planes of a field from `begin` on.
+  void spread(const Array<T>& values, Array<T>& field, T sign, const Components&, std::size_t begin);
   // of_field field + sign B^T values.
   void add_patch(const Array<T>& values, const Array<T>& field, Array<T>& out, T of_field, T sign);
   // Of what the next iteration makes anew while the last is still asked for.
   std::size_t at(std::size_t k) const { return ahead_ ? k % 2 : 0; }
   Eigen::VectorXd row_of(const Array<T>& field) const;
+  // Of a . b in parts, from `first` on.
+  void sum_products(const Array<T>& a, const Array<T>& b, Array<T>& sums, std::size_t first);
   double dot(const Array<T>& a, const Array<T>& b);
   Queue queue_;
   SolidGrid grid_;
