@@ -102,9 +102,9 @@ kernel void solid_step(global const real* restrict d, global const real* restric
   const real alpha = step_length(marks, curvature, parts, before, 0);
   for (int row = plane * nz; row < (plane + 1) * nz; ++row) {
     global const real* along = d + row * (nx + 2 * WIDTH) + WIDTH;
-    for (int n = row * nx; n < (row + 1) * nx; n += WIDTH, along += WIDTH) {
-      STORE(LOAD(u + n) + alpha * LOAD(along), u + n);
-      STORE(LOAD(r + n) - alpha * LOAD(kd + n), r + n);
+    for (int at = row * nx; at < (row + 1) * nx; at += WIDTH, along += WIDTH) {
+      STORE(LOAD(u + at) + alpha * LOAD(along), u + at);
+      STORE(LOAD(r + at) - alpha * LOAD(kd + at), r + at);
     }
   }
 }

@@ -41,9 +41,10 @@ class FaultySolid : public FaultyKernels {
 };
 
 TEST_F(FaultySolid, NanInTheModuliIsSaid) {
-  sabotage("solid.cl", "const vec e = LOAD(modulus + (layer * nz + z0) * wide + x);",
-           "const vec e = LOAD(modulus + (layer * nz + z0) * wide + x) * (group == 1 && k == 3 && j == 2 ? "
-           "(real)NAN : 1);");
+  sabotage(
+      "solid.cl", "const vec e = LOAD(modulus + (layer * nz + z0) * wide + x);",
+      "const vec e = LOAD(modulus + (layer * nz + z0) * wide + x) * (i == 2 * WIDTH && k == 3 && j == 2 ? "
+      "(real)NAN : 1);");
   expect_error("broke down (not finite)");
 }
 

@@ -187,11 +187,11 @@ TEST(SolidWindow, HomogeneousTissueIsRightWherePlaneStrainIsNot) {
   EXPECT_FALSE(warned(solid, ModulusFlag::kOutOfPlane));
   EXPECT_GT(background(plane) / kBackgroundPa, 1.4);  // the data are not of a plane
   EXPECT_TRUE(warned(plane, ModulusFlag::kOutOfPlane));
-  // The topmost millimetres tell nothing: a guess.
+  // The topmost millimetres are known by what the face's ends show of them: hardly.
   std::size_t guessed = 0;
   for (std::size_t n = 0; n < solid.grid.size(); ++n) {
     if (!solid.valid[n] || solid.grid.y_m(n) > 0.002) continue;
-    ASSERT_GE(solid.modulus.log_deviation[n], 0.69) << n;
+    ASSERT_GE(solid.modulus.log_deviation[n], 0.2) << n;
     ++guessed;
   }
   EXPECT_GT(guessed, 100u);
@@ -320,7 +320,7 @@ TEST(SolidWindow, TissueThatSlidesOnItsSupportIsTold) {
   const Estimate e = Window(tissue(solid)).estimate();
   print("sliding", e);
   EXPECT_NE(e.modulus.model.find("slides on its support"), std::string::npos) << e.modulus.model;
-  EXPECT_NEAR(background(e) / kBackgroundPa, 1, 0.1);
+  EXPECT_NEAR(background(e) / kBackgroundPa, 1, 0.15);
   EXPECT_NEAR(std::log(ramp(e)), 0, std::log(1.15));
   EXPECT_FALSE(warned(e, ModulusFlag::kMisfit));
   const double off = mean_off_in_deviations(e, kBackgroundPa);
