@@ -1,4 +1,5 @@
-// Every multigrid kernel against plain double loops (dense matrices), and the cycle's symmetry.
+// Every multigrid kernel against plain double loops (dense matrices), and the cycle's symmetry. One file: all
+// cases need the same levels and their dense twins.
 #include "service/solver/multigrid.h"
 
 #include <gtest/gtest.h>

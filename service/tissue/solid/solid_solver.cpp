@@ -1,3 +1,4 @@
+// One file: both ways of an iteration, a processor's and a GPU's, are read against each other.
 #include "service/tissue/solid/solid_solver.h"
 
 #include <fmt/format.h>

@@ -84,11 +84,7 @@ Motion uniform_strain(double strain, double offset_m) {
 // What a window of a known geometry asks of the device.
 TEST(Displacement, AsksLittleOfTheDevice) {
   const Speckle speckle({});
-  const RfFrame pre = speckle.frame(
-                    [](double, double) {
-                      return std::pair{0.0, 0.0};
-                    },
-                    1),
+  const RfFrame pre = speckle.frame(uniform_strain(0, 0), 1),
                 post = speckle.frame(uniform_strain(-0.01, 0), 2);
   const Queue queue = imaging_device()->queue();
   DisplacementEstimator estimator(queue, {});
@@ -231,12 +227,7 @@ TEST(Displacement, SilentRegionsAreNotTrusted) {
 TEST(Displacement, AConstantUnderTheEchoesChangesNothing) {
   const Speckle speckle({.samples = 1000, .lines = 32});
   const AcquisitionGeometry geometry = speckle.geometry();
-  RfFrame pre = speckle.frame(
-              [](double, double) {
-                return std::pair{0.0, 0.0};
-              },
-              1),
-          post = speckle.frame(uniform_strain(-0.01, 0), 2);
+  RfFrame pre = speckle.frame(uniform_strain(0, 0), 1), post = speckle.frame(uniform_strain(-0.01, 0), 2);
   const Queue queue = imaging_device()->queue();
   DisplacementEstimator estimator(queue, {});
   const auto field = [&] { return queue.read(estimator.estimate(pre, post, geometry).field_m); };

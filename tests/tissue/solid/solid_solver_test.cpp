@@ -167,7 +167,7 @@ TEST(SolidSolver, InFloatItIsTheSparseFactorsToRounding) {
         const Eigen::VectorXd p = s.ldlt().solve(w);
         const SolidSolution found = solver.push(patch, w, {.relative_error = 1e-4});
         EXPECT_EQ(found.reason, StopReason::kConverged);
-        EXPECT_LT((found.force_n - p).norm(), 2e-4 * p.norm()) << "row " << row << " components " << first;
+        EXPECT_LT((found.force_n - p).norm(), 1e-4 * p.norm()) << "row " << row << " components " << first;
       }
   }
 }
