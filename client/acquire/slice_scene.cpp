@@ -205,6 +205,7 @@ grpc::Status SliceScene::create(const v1::ModulusSlice& slice, PublishedSlice& p
   for (const double size_m : {grid_.width_m, grid_.depth_m}) request.mutable_geometry()->add_size_m(size_m);
   request.mutable_geometry()->set_poisson_ratio(grid_.poisson_ratio);
   request.mutable_geometry()->set_has_poisson_ratio(true);
+  request.mutable_geometry()->set_linear(true);
   const auto nodes = [](std::size_t count, double step_m, double whole_m, auto* out) {
     for (std::size_t n = 0; n < count; ++n) out->Add(step_m * static_cast<double>(n));
     out->Add(whole_m);

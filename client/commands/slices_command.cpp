@@ -24,6 +24,7 @@ struct SlicesArguments {
   Credentials credentials;
   std::uint64_t seed = 1;
   double poisson_ratio = SolidPatient::kPoissonRatio, every_s = 0;
+  bool linear = false;
 };
 
 class Stack {
@@ -60,6 +61,7 @@ class Stack {
     for (const std::size_t axis : {0, 1}) out.mutable_geometry()->add_size_m(size_m(axis));
     out.mutable_geometry()->set_poisson_ratio(arguments.poisson_ratio);
     out.mutable_geometry()->set_has_poisson_ratio(true);
+    out.mutable_geometry()->set_linear(arguments.linear || arguments.volume.empty());
     const auto node = [&](std::size_t axis, std::size_t n) {
       return (axis < 2 ? 0 : z_m(0) - image_.spacing[2] / 2) + static_cast<double>(n) * image_.spacing[axis];
     };
@@ -146,6 +148,10 @@ void add_slices_command(CLI::App& app) {
       ->needs(volume);
   command.add_option("--poisson-ratio", arguments->poisson_ratio, "of all of it, below 0.5")
       ->check(zero_or_more());
+  command
+      .add_flag("--linear", arguments->linear,
+                "the tissue does not stiffen with strain: a phantom; a simulated patient always")
+      ->needs(volume);
   command.add_option("--every-s", arguments->every_s, "wait so long before each further slice")
       ->check(zero_or_more());
   command.callback([arguments] { run(*arguments); });

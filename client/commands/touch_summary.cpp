@@ -95,7 +95,8 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
         {"force_budget",
          {{"answers", link.force_budget.count()},
           {"p50", link.force_budget.percentile(0.5)},
-          {"p95", link.force_budget.percentile(0.95)}}},
+          {"p95", link.force_budget.percentile(0.95)},
+          {"above", link.largest_above}}},
         {"law_pieces", link.law_pieces},
         {"tactile_images", link.tactile_images},
         {"tactile_dropped", link.tactile_dropped},
@@ -134,11 +135,15 @@ void print_summary(const nlohmann::json& json) {
       shares += fmt::format("{}{} {:.1f} %", shares.empty() ? "" : ", ", path, 100 * share.get<double>());
     std::printf("  solved by %s of the answers in contact\n", shares.c_str());
   }
-  if (const auto& budget = link["force_budget"]; budget["answers"].get<std::uint64_t>() > 0)
+  if (const auto& budget = link["force_budget"]; budget["answers"].get<std::uint64_t>() > 0) {
     std::printf(
         "  budget    forces are within %.1f %% of the tissue's (median), %.1f %% (95 %% of the answers), by "
         "what the model states\n",
         100 * budget["p50"].get<double>(), 100 * budget["p95"].get<double>());
+    if (const double above = budget["above"].get<double>(); above > 0)
+      std::printf("            tissue that stiffens with strain may push back up to %.0f %% harder still\n",
+                  100 * above);
+  }
   std::printf("  law       felt in %.1f %% of the contact, version %lu at last; %lu pieces, %lu malformed\n",
               100 * json["by_law_share"].get<double>(), count("last_version"), count("law_pieces"),
               count("laws_dropped"));

@@ -92,7 +92,10 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
     stats.latencies_s.add(seconds(received_ns) - converted->sample.pose_time_s);
   }
   if (answer.has_solve() && v1::SolvePath_IsValid(answer.path())) ++stats.solved_by[answer.path()];
-  if (answer.has_budget()) stats.force_budget.add(answer.budget().half_width());
+  if (answer.has_budget()) {
+    stats.force_budget.add(answer.budget().half_width());
+    if (answer.budget().above() > stats.largest_above) stats.largest_above = answer.budget().above();
+  }
   last_position_m_ = converted->sample.position_m;
   stats.last_version = answer.model_version();
   stats.last_answer_s = seconds(received_ns);

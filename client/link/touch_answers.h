@@ -27,6 +27,7 @@ struct TouchLinkStats {
   double largest_strain = 0;    // under the finger
   std::map<v1::SolvePath, std::uint64_t> solved_by;  // answers in contact, by the model that gave them
   Histogram force_budget;          // half of the 95 % interval over the force, of answers that state it
+  double largest_above = 0;        // what it reaches further up than down
   std::uint64_t dropped = 0;       // malformed or foreign answers
   std::uint64_t law_pieces = 0;    // of contact laws
   std::uint64_t laws_dropped = 0;  // malformed ones

@@ -10,8 +10,8 @@
 namespace teletact::client {
 namespace {
 
-constexpr double kEveryS = 0.01;       // the path is sampled so often
-constexpr double kStartRampS = 0.5;    // after force comes on it is ramped: not judged
+constexpr double kEveryS = 0.01;     // the path is sampled so often
+constexpr double kStartRampS = 0.5;  // after force comes on it is ramped: not judged
 constexpr double kMinForceN = 0.05;  // relative errors are taken where the true force exceeds this
 
 ForceSamplePoint felt(const TouchRecord& record, const TouchTick& tick) {
@@ -20,7 +20,7 @@ ForceSamplePoint felt(const TouchRecord& record, const TouchTick& tick) {
   point.x_m = tick.x_m;
   point.indentation_m = tick.indentation_m;
   point.felt_n = -tick.force_y_n;
-  if (tick.enabled && tick.indentation_m > 0) point.half_width = stated_half_width(record, tick);
+  if (tick.enabled && tick.indentation_m > 0) point.stated = stated_interval(record, tick);
   return point;
 }
 

@@ -12,10 +12,10 @@ namespace teletact::client {
 
 struct ForceSamplePoint {
   double time_s = 0, x_m = 0, indentation_m = 0;
-  double felt_n = 0;                   // along the push, > 0 resisting
-  std::optional<double> half_width{};  // of the interval stated for it, over it; none: nothing was stated
-  std::optional<double> true_n{};      // as felt_n; none: not known
-  double relative_error = 0;           // |felt - true| / |true|, both as vectors; only where judged
+  double felt_n = 0;  // along the push, > 0 resisting
+  std::optional<ForceInterval> stated{};
+  std::optional<double> true_n{};  // as felt_n; none: not known
+  double relative_error = 0;       // |felt - true| / |true|, both as vectors; only where judged
   bool judged = false;
 };
 

@@ -74,13 +74,13 @@ bool draw_force(const std::filesystem::path& file, const std::vector<ForceSample
   for (const ForceSamplePoint& p : force) {
     const std::string at = fmt::format("{:.4f} {:.3f}", p.time_s - begin_s, p.x_m * 1e3);
     felt += fmt::format("{} {:.5f}\n", at, p.felt_n);
-    if (p.half_width)
-      band += fmt::format("{} {:.5f} {:.5f}\n", at, p.felt_n * (1 - *p.half_width),
-                          p.felt_n * (1 + *p.half_width));
+    if (p.stated)
+      band += fmt::format("{} {:.5f} {:.5f}\n", at, p.felt_n * (1 - p.stated->half_width),
+                          p.felt_n * (1 + p.stated->half_width + p.stated->above));
     else if (!band.ends_with("\n\n"))
       band += "\n";
     if (p.true_n) truth += fmt::format("{} {:.5f}\n", at, *p.true_n);
-    stated = stated || p.half_width, known = known || p.true_n;
+    stated = stated || p.stated, known = known || p.true_n;
   }
   struct Look {
     const char *column, *band, *truth, *felt;

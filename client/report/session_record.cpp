@@ -67,7 +67,7 @@ void add_answer(const v1::TouchAnswer& answer, const v1::RecordEntry& entry, Tou
   last.x_m = answer.position_m(0), last.y_m = answer.position_m(1);
   if (answer.position_m_size() == 3) last.z_m = answer.position_m(2);
   if (answer.force_n_size() == 3) std::copy_n(answer.force_n().begin(), 3, last.force_n.begin());
-  if (answer.has_budget()) last.half_width = answer.budget().half_width();
+  if (answer.has_budget()) last.stated = {answer.budget().half_width(), answer.budget().above()};
   if (!answer.has_tactile()) return;
   if (auto image = tactile_from(answer.tactile()))
     record.tactile.push_back({last.arrived_s, std::move(*image)});
@@ -132,13 +132,13 @@ AcquireRecord read_acquire_record(const std::string& path) {
   return record;
 }
 
-std::optional<double> stated_half_width(const TouchRecord& touch, const TouchTick& tick) {
+std::optional<ForceInterval> stated_interval(const TouchRecord& touch, const TouchTick& tick) {
   constexpr double kSameTouchM = 0.002;  // an answer's place, and where it is felt
   const auto after = std::ranges::upper_bound(touch.answers, tick.time_s, {}, &TouchAnswerTime::arrived_s);
   if (after == touch.answers.begin()) return std::nullopt;
   const TouchAnswerTime& answer = *(after - 1);
   if (std::hypot(answer.x_m - tick.x_m, answer.z_m - tick.z_m) > kSameTouchM) return std::nullopt;
-  return answer.half_width;
+  return answer.stated;
 }
 
 std::string session_mismatch(const TouchRecord& touch, const AcquireRecord& acquire) {

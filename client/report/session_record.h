@@ -29,12 +29,18 @@ struct TouchTick {
   std::optional<EnergyLedger::Refused> refused;                   // these too
 };
 
+// That an answer states for the true force: [1 - half_width, 1 + half_width + above] times its own.
+struct ForceInterval {
+  double half_width = 0, above = 0;
+  bool operator==(const ForceInterval&) const = default;
+};
+
 struct TouchAnswerTime {
   double arrived_s = 0;
-  double latency_s = 0;                // since the pose was sampled
-  double x_m = 0, y_m = 0, z_m = 0;    // the pose that was answered
-  std::array<double, 3> force_n{};     // on the finger
-  std::optional<double> half_width{};  // of the interval that it states for the force, over the force
+  double latency_s = 0;              // since the pose was sampled
+  double x_m = 0, y_m = 0, z_m = 0;  // the pose that was answered
+  std::array<double, 3> force_n{};   // on the finger
+  std::optional<ForceInterval> stated{};
 };
 
 struct TactileFrame {
@@ -76,7 +82,7 @@ AcquireRecord read_acquire_record(const std::string& path);
 
 // Half of the interval that was stated for the force of a tick, over the force: by the newest answer that had
 // come by then, if it is of this touch. None: it states nothing, or is of another place.
-std::optional<double> stated_half_width(const TouchRecord&, const TouchTick&);
+std::optional<ForceInterval> stated_interval(const TouchRecord&, const TouchTick&);
 
 // Why the two may not belong to one session, one line; empty when nothing speaks against it. Throws
 // std::runtime_error when they cannot: other scenes, or all windows published after the touch had ended.

@@ -127,6 +127,7 @@ v1::CreateSceneRequest StimulusScenes::request_of(const Made& made) const {
   request.set_scene_id(made.scene_id);
   request.mutable_geometry()->add_size_m(kWidthM);
   request.mutable_geometry()->add_size_m(kTissueDepthM);
+  request.mutable_geometry()->set_linear(true);
   v1::ModulusMap& map = *request.mutable_modulus();
   const double element_m = options_.solid ? kSolidElementM : kPlaneElementM;
   add_nodes(*map.mutable_x_m(), 0, kWidthM, element_m);
@@ -265,8 +266,8 @@ StimulusScenes::Made StimulusScenes::make_one(double stiffness_n_m, double guess
         tells ? std::clamp((now.log_n_m - before->log_n_m) / (now.log_pa - before->log_pa), 0.05, 1.0) : 1.0;
     before = now;
     made.modulus_pa *= std::exp((std::log(stiffness_n_m) - now.log_n_m) / slope);
-    if (lump && !(made.modulus_pa < kMaxContrast * background_pa_ &&
-                  made.modulus_pa > background_pa_ / kMaxContrast))
+    if (lump &&
+        !(made.modulus_pa < kMaxContrast * background_pa_ && made.modulus_pa > background_pa_ / kMaxContrast))
       break;
   }
   if (lump)

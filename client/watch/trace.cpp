@@ -30,7 +30,8 @@ enum Column {
   kBalance,
   kClaim,
   kLacks,
-  kWithheld
+  kWithheld,
+  kAbove
 };
 
 float at(const google::protobuf::RepeatedField<double>& vector, int index) {
@@ -55,10 +56,10 @@ void largest(float& of, double value) {
 
 const std::array<const char*, Trace::kColumns>& Trace::columns() {
   static const std::array<const char*, kColumns> names{
-      "t_s",         "x_m",       "y_m",          "z_m",           "force_x_n",
-      "force_y_n",   "force_z_n", "half_width",   "lateness_s",    "period_s",
-      "model_age_s", "silence_s", "round_trip_s", "modulus_age_s", "flags",
-      "reason",      "balance_j", "claim",        "claim_lacks_j", "withheld"};
+      "t_s",           "x_m",           "y_m",        "z_m",      "force_x_n",   "force_y_n",
+      "force_z_n",     "half_width",    "lateness_s", "period_s", "model_age_s", "silence_s",
+      "round_trip_s",  "modulus_age_s", "flags",      "reason",   "balance_j",   "claim",
+      "claim_lacks_j", "withheld",      "above"};
   return names;
 }
 
@@ -76,7 +77,8 @@ bool Trace::complete() {
   return true;
 }
 
-bool Trace::add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional<double> half_width) {
+bool Trace::add(std::int64_t time_ns, const v1::ServoSample& tick,
+                const std::optional<v1::ForceBudget>& budget) {
   if (!begin_ns_) begin_s_ = seconds(*(begin_ns_ = time_ns));
   const double t_s = seconds_between(*begin_ns_, time_ns);
   const bool follows = open_, completes = follows && t_s >= row_s_ + kRowS && complete();
@@ -92,7 +94,9 @@ bool Trace::add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional
     row_[kX + axis] = at(tick.position_m(), axis);
     row_[kFx + axis] = at(tick.force_n(), axis);
   }
-  row_[kHalf] = static_cast<float>(half_width.value_or(std::numeric_limits<double>::quiet_NaN()));
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  row_[kHalf] = static_cast<float>(budget ? budget->half_width() : kNone);
+  row_[kAbove] = static_cast<float>(budget ? budget->above() : kNone);
   largest(row_[kLate], tick.lateness_s());
   largest(row_[kAge], tick.model_age_s());
   largest(row_[kSilence], tick.silence_s());
@@ -100,8 +104,7 @@ bool Trace::add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional
   row_[kModulus] = static_cast<float>(tick.modulus_age_s());
   row_[kFlags] = flags_of(tick);
   row_[kReason] = static_cast<float>(tick.reason());
-  row_[kBalance] =
-      static_cast<float>(tick.has_balance_j() ? tick.balance_j() : std::numeric_limits<double>::quiet_NaN());
+  row_[kBalance] = static_cast<float>(tick.has_balance_j() ? tick.balance_j() : kNone);
   row_[kClaim] = static_cast<float>(tick.claim());
   row_[kLacks] = static_cast<float>(tick.claim_lacks_j());
   row_[kWithheld] = static_cast<float>(tick.withheld());

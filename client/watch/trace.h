@@ -16,12 +16,12 @@ namespace teletact::client {
 class Trace {
  public:
   static constexpr double kRowS = 0.01, kKeptS = 60;
-  static constexpr std::size_t kColumns = 20;
+  static constexpr std::size_t kColumns = 21;
   using Row = std::array<float, kColumns>;
   static const std::array<const char*, kColumns>& columns();  // their names, with units
 
   // True when a row is complete.
-  bool add(std::int64_t time_ns, const v1::ServoSample& tick, std::optional<double> half_width);
+  bool add(std::int64_t time_ns, const v1::ServoSample& tick, const std::optional<v1::ForceBudget>&);
   // The row of the last ticks, which waits for no more of them; false: there is none.
   bool complete();
   void clear();

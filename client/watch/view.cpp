@@ -72,7 +72,7 @@ void View::restart() {
   lines_.clear();
   windows_.clear();
   figures_ = answer_ = opened_ = json();
-  half_width_.reset();
+  budget_.reset();
   status_ns_ = 0;
   ++era_;
   put(Channel::kTactile, Slot());
@@ -126,7 +126,7 @@ void View::take(const v1::RecordEntry& entry) {
 }
 
 void View::take_tick(const v1::RecordEntry& entry) {
-  if (trace_.add(entry.monotonic_ns(), entry.servo(), half_width_)) ++version_[index_of(Channel::kTrace)];
+  if (trace_.add(entry.monotonic_ns(), entry.servo(), budget_)) ++version_[index_of(Channel::kTrace)];
   put_status(entry.monotonic_ns(), false);
 }
 
@@ -140,8 +140,8 @@ void View::complete_row() {
 }
 
 void View::take_answer(const v1::TouchAnswer& answer) {
-  half_width_.reset();
-  if (answer.has_budget()) half_width_ = answer.budget().half_width();
+  budget_.reset();
+  if (answer.has_budget()) budget_ = answer.budget();
   std::string path = v1::SolvePath_Name(answer.path()), status = v1::TouchStatus_Name(answer.status());
   answer_ = {{"path", path.substr(std::min(path.size(), sizeof("SOLVE_PATH_") - 1))},
              {"status", status.substr(std::min(status.size(), sizeof("TOUCH_STATUS_") - 1))},

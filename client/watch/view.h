@@ -78,7 +78,7 @@ class View {
   std::array<std::uint64_t, kChannels> version_{};
   std::array<std::shared_ptr<const std::string>, kChannels> slot_{};
   std::uint64_t era_ = 1;
-  std::optional<double> half_width_;
+  std::optional<v1::ForceBudget> budget_;
   nlohmann::json told_ = nlohmann::json::object(), answer_, figures_, opened_;
   std::deque<nlohmann::json> lines_;
   std::int64_t status_ns_ = 0;

@@ -130,8 +130,15 @@ void set_strain(double below_contact, double of_all, ContactAnswer& answer) {
 }
 
 ForceError finite_strain(const Fingertip& tip, double indentation_m) {
-  constexpr double kOfFiniteStrain = 0.05;
-  return {ErrorTerm::kFiniteStrain, TermKind::kEstimate, kOfFiniteStrain * indentation_m / tip.radius_m};
+  constexpr double kOfRoot = 0.06, kOfStrain = 0.025;
+  const double x = indentation_m / tip.radius_m;
+  return {ErrorTerm::kFiniteStrain, TermKind::kEstimate,
+          (kOfRoot * std::sqrt(x) + kOfStrain * x) / ForceBudget::kOf95};
+}
+
+ForceError stiffening(const Fingertip& tip, double indentation_m) {
+  constexpr double kPower = 1.8;
+  return {ErrorTerm::kStiffening, TermKind::kAbove, std::pow(indentation_m / tip.radius_m, kPower)};
 }
 
 void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {

@@ -107,6 +107,7 @@ SceneGeometry geometry_from(const v1::SceneGeometry& in, const Limits& limits) {
   if (in.has_poisson_ratio() || in.poisson_ratio() != 0) g.poisson_ratio = in.poisson_ratio();
   if (in.thickness_m() != 0) g.thickness_m = in.thickness_m();
   g.supports = supports_from(in);
+  g.linear = in.linear();
   validate(g, limits);
   return g;
 }
@@ -120,6 +121,7 @@ void geometry_to(const SceneGeometry& g, v1::SceneGeometry* out) {
   out->set_poisson_ratio(g.poisson_ratio);
   out->set_has_poisson_ratio(true);
   out->set_thickness_m(g.thickness_m);
+  out->set_linear(g.linear);
   v1::Supports* supports = out->mutable_supports();
   supports->set_surface(fixed(g.supports.top));
   supports->set_bottom(fixed(g.supports.bottom));

@@ -25,6 +25,7 @@ struct SceneGeometry {
   double poisson_ratio = choices::kPoissonRatio;
   double thickness_m = 0.010;  // out-of-plane contact width of the finger
   Supports supports;
+  bool linear = false;  // it does not stiffen with strain
 };
 
 // Throws std::invalid_argument naming the field of SceneGeometry and what it may be.

@@ -62,6 +62,7 @@ json to_json(const SceneGeometry& g) {
           {"depth_m", g.depth_m},
           {"poisson_ratio", g.poisson_ratio},
           {"thickness_m", g.thickness_m},
+          {"linear", g.linear},
           {"fixed_top", fixed(g.supports.top)},
           {"fixed_bottom", fixed(g.supports.bottom)},
           {"fixed_left", fixed(g.supports.left)},
@@ -77,6 +78,7 @@ SceneGeometry geometry_from(const json& j, const Limits& limits) {
   g.depth_m = j.at("depth_m");
   g.poisson_ratio = j.at("poisson_ratio");
   g.thickness_m = j.at("thickness_m");
+  g.linear = j.value("linear", false);  // earlier versions keep none
   g.supports = {edge("fixed_top"), edge("fixed_bottom"), edge("fixed_left"), edge("fixed_right")};
   validate(g, limits);
   return g;

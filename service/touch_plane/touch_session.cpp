@@ -12,6 +12,7 @@
 
 #include "service/base/choices.h"
 #include "service/base/force_budget.h"
+#include "service/contact/solid_answer.h"
 #include "service/device/device.h"
 #include "service/scene/slices.h"
 
@@ -90,13 +91,14 @@ Beside beside_what_was_given(const Region& region, const Fingertip& tip, const T
   return {away_m, std::min(0.5, borne) * std::log(3)};
 }
 
-// To the budget of an answer that has one.
+// To the budget of an answer that has one, which that of a round tip has.
 void add_scene_errors(const std::optional<double>& log_deviation, const Beside& beside,
-                      ContactAnswer& contact) {
+                      const std::optional<ForceError>& stiffens, ContactAnswer& contact) {
   if (contact.budget.terms().empty()) return;
   if (beside.share > 0)
     contact.budget.add({ErrorTerm::kContext, TermKind::kEstimate, beside.share / ForceBudget::kOf95});
   if (log_deviation) contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *log_deviation});
+  if (stiffens) contact.budget.add(*stiffens);
 }
 
 }  // namespace
@@ -367,6 +369,11 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   return "";
 }
 
+std::optional<ForceError> TouchSession::stiffens(const TouchPose& pose) const {
+  if (scene_->geometry().linear) return std::nullopt;
+  return stiffening(options_.fingertip, pose.position_m[1]);
+}
+
 void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, const TouchPose& pose) const {
   const ContactAnswer& c = answer.contact;
   if (!finite(c)) throw std::runtime_error("the contact solve gave a force that is not finite");
@@ -376,7 +383,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
                                               scene_->geometry().depth_m - layer_.depth_m);
   answer.log_deviation = stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose));
-  add_scene_errors(answer.log_deviation, beside, answer.contact);
+  add_scene_errors(answer.log_deviation, beside, stiffens(pose), answer.contact);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };
@@ -408,7 +415,7 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   add_scene_errors(stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose)),
                    beside_what_was_given(window_->region, options_.fingertip, pose,
                                          scene_->geometry().depth_m - layer_.depth_m),
-                   touch.contact);
+                   stiffens(pose), touch.contact);
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
       !doubt(touch.contact, snapshot, pose).empty())
     return std::nullopt;

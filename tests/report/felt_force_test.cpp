@@ -17,7 +17,7 @@ constexpr std::array<std::uint8_t, 3> kBand{0xf0, 0xb8, 0xa8}, kFelt{0xc0, 0x30,
     kTrue{0x99, 0x99, 0x99};
 
 // 1 N for 3 s along 30 mm, 2 mm deep. Answers every 10 ms, of where the finger was 5 ms before.
-TouchRecord touch(std::optional<double> half_width) {
+TouchRecord touch(std::optional<ForceInterval> stated) {
   TouchRecord record;
   for (double t = 0; t < 3; t += 0.01) {
     TouchTick tick;
@@ -25,31 +25,31 @@ TouchRecord touch(std::optional<double> half_width) {
     tick.force_y_n = -1, tick.enabled = true;
     record.ticks.push_back(tick);
     TouchAnswerTime& answer = record.answers.emplace_back();
-    answer.arrived_s = tick.time_s - 0.001, answer.x_m = tick.x_m - 5e-5, answer.half_width = half_width;
+    answer.arrived_s = tick.time_s - 0.001, answer.x_m = tick.x_m - 5e-5, answer.stated = stated;
   }
   return record;
 }
 
 TEST(FeltForce, HasWhatTheNewestAnswerOfItsPlaceStates) {
-  TouchRecord record = touch(0.1);
+  TouchRecord record = touch(ForceInterval{0.1});
   for (TouchAnswerTime& answer : record.answers) {
-    if (answer.arrived_s > 101) answer.half_width = 0.3;
-    if (answer.arrived_s > 102) answer.half_width.reset();
-    if (answer.arrived_s > 102.5) answer.half_width = 0.2, answer.z_m = 0.003;
+    if (answer.arrived_s > 101) answer.stated = {0.3, 0.1};
+    if (answer.arrived_s > 102) answer.stated.reset();
+    if (answer.arrived_s > 102.5) answer.stated = {0.2}, answer.z_m = 0.003;
   }
   const auto felt = felt_force(record);
   ASSERT_GT(felt.size(), 150u) << "the ramp is left out";
   for (const ForceSamplePoint& p : felt) {
     EXPECT_EQ(p.felt_n, 1);
     EXPECT_FALSE(p.true_n);
-    std::optional<double> stated;
-    if (p.time_s < 102.005) stated = p.time_s < 101.005 ? 0.1 : 0.3;
-    EXPECT_EQ(p.half_width, stated) << p.time_s;
+    std::optional<ForceInterval> stated;
+    if (p.time_s < 102.005) stated = p.time_s < 101.005 ? ForceInterval{0.1} : ForceInterval{0.3, 0.1};
+    EXPECT_EQ(p.stated, stated) << p.time_s;
   }
-  record = touch(0.1);
+  record = touch(ForceInterval{0.1});
   record.answers.erase(record.answers.begin(), record.answers.end() - 100);
-  EXPECT_FALSE(felt_force(record).front().half_width) << "no answer had come";
-  EXPECT_EQ(felt_force(record).back().half_width, 0.1);
+  EXPECT_FALSE(felt_force(record).front().stated) << "no answer had come";
+  EXPECT_EQ(felt_force(record).back().stated, ForceInterval{0.1});
 }
 
 class ForcePicture : public testing::Test {
@@ -62,7 +62,7 @@ class ForcePicture : public testing::Test {
 };
 
 TEST_F(ForcePicture, ShowsTheBandThatIsStated) {
-  const auto narrow = felt_force(touch(0.05)), wide = felt_force(touch(0.4));
+  const auto narrow = felt_force(touch(ForceInterval{0.05})), wide = felt_force(touch(ForceInterval{0.4}));
   const std::size_t of_narrow = count_of(of(narrow), kBand), of_wide = count_of(of(wide), kBand);
   EXPECT_GT(of_narrow, 1000u);
   EXPECT_GT(of_wide, 4 * of_narrow);
@@ -73,16 +73,16 @@ TEST_F(ForcePicture, ShowsTheBandThatIsStated) {
 }
 
 TEST_F(ForcePicture, ShowsNoBandWhereNothingIsStated) {
-  auto force = felt_force(touch(0.4));
+  auto force = felt_force(touch(ForceInterval{0.4}));
   const std::size_t whole = count_of(of(force), kBand);
-  for (std::size_t k = force.size() / 4; k < 3 * force.size() / 4; ++k) force[k].half_width.reset();
+  for (std::size_t k = force.size() / 4; k < 3 * force.size() / 4; ++k) force[k].stated.reset();
   const std::size_t half = count_of(of(force), kBand);
   EXPECT_GT(half, 0.4 * double(whole));
   EXPECT_LT(half, 0.6 * double(whole));
 }
 
 TEST_F(ForcePicture, ShowsTheTrueForceWhereItIsKnown) {
-  auto force = felt_force(touch(0.1));
+  auto force = felt_force(touch(ForceInterval{0.1}));
   for (ForceSamplePoint& p : force) p.true_n = 1.3;
   EXPECT_GT(count_of(of(force), kTrue), 1000u);
 }

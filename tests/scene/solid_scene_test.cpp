@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include "service/contact/solid_answer.h"
 #include "service/scene/scene_record.h"
 #include "service/scene/tissue_models.h"
 #include "service/touch_plane/touch_session.h"
@@ -270,6 +271,40 @@ TEST(SolidScene, AnswersSayWhenTheyMissTheTolerance) {
   options.tolerance->force_n = 1;
   TouchSession patient(scene_of(with_ball()), options, test_device());
   EXPECT_EQ(touched(patient, kBallX, 0.0005, kBallZ).status, TouchStatus::kOk);
+}
+
+// By finite elements, axisymmetric, of the sphere's own shape and at large strain: a rigid sphere on
+// neo-Hookean tissue (nu 0.49 and 0.499, 5 R deep), and on tissue whose tangent modulus doubles at 20 % of
+// strain (2.5 R deep).
+TEST(SolidScene, AnswersStateWhatLinearTissueLeavesOut) {
+  struct Computed {
+    double strain, softer, softest, stiffer;  // d / R; 1 - F / F_linear by nu; F / F_linear - 1
+  };
+  const Fingertip tip{.shape = FingertipShape::kSphere, .radius_m = 0.004};
+  for (const auto& [strain, softer, softest, stiffer] :
+       {Computed{0.05, 0.0125, 0.0149, 0}, {0.25, 0.0297, 0.0364, 0.0711}, {0.5, 0.0451, 0.0551, 0.2565}}) {
+    ForceBudget budget;
+    budget.add(finite_strain(tip, strain * tip.radius_m));
+    EXPECT_GT(budget.half_width(), softer) << strain;
+    EXPECT_NEAR(budget.half_width(), softest, 5e-4) << strain;
+    EXPECT_EQ(budget.above(), 0);
+    budget.add(stiffening(tip, strain * tip.radius_m));
+    EXPECT_NEAR(budget.half_width(), softest, 5e-4) << "it is one-sided";
+    EXPECT_GT(budget.above(), stiffer) << strain;
+    EXPECT_LT(budget.above(), stiffer + 0.032) << strain;
+  }
+}
+
+TEST(SolidScene, TissueThatIsStatedToBeLinearDoesNotStiffen) {
+  for (const bool linear : {false, true}) {
+    SceneGeometry geometry = tissue(kWidthM, kDepthM);
+    geometry.linear = linear;
+    TouchSession session(std::make_shared<Scene>("s", geometry, with_ball(), versions()), {}, test_device());
+    const ForceBudget budget = touched(session, kBallX, 0.002, kBallZ).contact.budget;
+    ASSERT_FALSE(budget.terms().empty());
+    EXPECT_EQ(budget.above() > 0, !linear);
+    EXPECT_EQ(budget.above(), budget.relative(ErrorTerm::kStiffening));
+  }
 }
 
 TEST(SolidScene, APadIsForSolidsAlone) {

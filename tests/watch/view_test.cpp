@@ -156,13 +156,17 @@ TEST(View, AnAnswerWithoutAnIntervalIsDrawnWithNone) {
   auto drawn = [&, time_ns = std::int64_t{0}](std::optional<double> half_width) mutable {
     v1::RecordEntry answer;
     v1::TouchAnswer& said = *answer.mutable_touch_response()->mutable_answer();
-    if (half_width) said.mutable_budget()->set_half_width(*half_width);
+    if (half_width) {
+      said.mutable_budget()->set_half_width(*half_width);
+      said.mutable_budget()->set_above(0.5);
+    }
     view.take(answer);
     view.take(tick_at(time_ns += 10'000'000));
     view.complete_row();
     return last_of(view, "half_width");
   };
   EXPECT_EQ(drawn(0.25), 0.25F);
+  EXPECT_EQ(last_of(view, "above"), 0.5F);
   EXPECT_TRUE(std::isnan(drawn({})));
 }
 

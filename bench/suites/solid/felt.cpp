@@ -75,7 +75,7 @@ std::vector<FeltPose> chosen(const client::TouchRecord& touch, const std::vector
     FeltPose& f = out.emplace_back();
     f.time_s = time_s, f.way_m = way_m, f.at = {tick->x_m, tick->indentation_m, tick->z_m};
     f.felt_n = Vector3d(tick->force_x_n, tick->force_y_n, tick->force_z_n);
-    f.half_width = client::stated_half_width(touch, *tick);
+    if (const auto stated = client::stated_interval(touch, *tick)) f.half_width = stated->half_width;
   }
   return out;
 }

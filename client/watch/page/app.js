@@ -173,8 +173,7 @@ function showNow(row) {
   set('state-name', state);
   const reason = model.status?.reasons?.[row.at('reason')] ?? '';
   set('state-reason', model.old ? `${model.old}; these are the last values` : why(row, reason, claim(row)));
-  const half = row.at('half_width');
-  set('force-now', `${row.size.toFixed(3)} N${half >= 0 && row.size > 0 ? ` ± ${(100 * half).toFixed(0)} %` : ''}`);
+  set('force-now', `${row.size.toFixed(3)} N${row.size > 0 ? panels.interval(row, 0) : ''}`);
   const path = model.status?.answer?.path;
   set('rendered-now', row.state !== 'ENABLED' ? 'nothing' : row.byLaw ? 'contact law' : `answers${path && path !== 'UNSPECIFIED' ? `, ${path.toLowerCase()}` : ''}`);
   set('age-now', since(row.at('model_age_s')));

@@ -154,7 +154,7 @@ export function trace(pen, series, column, from, to, box, scaled, colour) {
 }
 
 // The interval of 95 in 100 around the force, where it is stated.
-export function band(pen, series, force, half, from, to, box, scaled, colour) {
+export function band(pen, series, force, half, above, from, to, box, scaled, colour) {
   pen.fillStyle = colour;
   pen.globalAlpha = 0.25;
   const scaleX = (box.right - box.left) / (to - from);
@@ -173,7 +173,7 @@ export function band(pen, series, force, half, from, to, box, scaled, colour) {
     const width = half(n), middle = force(n);
     if (Number.isNaN(width)) { close(); continue; }
     const x = box.left + (series.time(n) - from) * scaleX;
-    upper.push([x, scaled.to(middle + width * Math.abs(middle))]);
+    upper.push([x, scaled.to(middle + (width + above(n)) * Math.abs(middle))]);
     lower.push([x, scaled.to(middle - width * Math.abs(middle))]);
   }
   close();

@@ -273,6 +273,14 @@ function states(pen, { series, from, to }, box) {
   end(last);
 }
 
+// What the force is stated to be within; further up than down where the tissue may stiffen with strain.
+export function interval(row, digits) {
+  const half = row.at('half_width'), above = row.at('above');
+  if (!(half >= 0)) return '';
+  const percent = (share) => (100 * share).toFixed(digits);
+  return above > 0 ? ` −${percent(half)} to +${percent(half + above)} %` : ` ± ${percent(half)} %`;
+}
+
 export function force(model) {
   const { series } = model;
   let most = 0.2;
@@ -281,11 +289,11 @@ export function force(model) {
   for (let n = series.find(model.from); n < series.added && series.time(n) <= model.to; ++n) most = Math.max(most, size(n));
   model.largestForce = most;
   plot('force', model, 170, false, -0.15 * most, 1.2 * most, 'N', (pen, box, scaled) => {
-    band(pen, series, (n) => -series.value(n, ix.force_y_n), (n) => series.value(n, ix.half_width), model.from, model.to, box, scaled, palette.blue);
+    band(pen, series, (n) => -series.value(n, ix.force_y_n), (n) => series.value(n, ix.half_width), (n) => series.value(n, ix.above), model.from, model.to, box, scaled, palette.blue);
     trace(pen, { find: (t) => series.find(t), time: (n) => series.time(n), get added() { return series.added; }, value: (n) => -series.value(n, ix.force_y_n), extremes: series.extremes }, 0, model.from, model.to, box, scaled, palette.blue);
     trace(pen, series, ix.force_x_n, model.from, model.to, box, scaled, palette.orange);
     legend(pen, box, [['outwards, with its 95 % interval', palette.blue], ['along x', palette.orange]]);
-  }, (r) => `${shown(-r.force[1], 'N')} outwards, ${shown(r.force[0], 'N')} along x${r.at('half_width') >= 0 ? `, ± ${(100 * r.at('half_width')).toFixed(1)} %` : ''}`);
+  }, (r) => `${shown(-r.force[1], 'N')} outwards, ${shown(r.force[0], 'N')} along x${interval(r, 1)}`);
 }
 
 export function ages(model) {

@@ -160,16 +160,17 @@ class Service:
     async def create_scene(self, scene_id: str = "", modulus: Any = None, *, x_m: Any = None, y_m: Any = None,
                            z_m: Any = None, slices: Mapping[float, Any] | None = None, size_m: Any = None,
                            poisson_ratio: float | None = None, thickness_m: float | None = None,
-                           held: Collection[str] | None = None) -> Scene:
+                           held: Collection[str] | None = None, linear: bool = False) -> Scene:
         """A scene to touch, or an empty one of ``size_m`` (width, depth) into which estimates are published.
 
         ``modulus``: Pa of each element, shape (y, x) of a plane or (z, y, x) of a solid. ``x_m``, ``y_m``, ``z_m``:
         the nodes between them, one more than elements; those of an evenly spaced DataArray are halfway between its
         places. ``slices``: instead, {z: modulus (y, x)} of a solid that may grow, with ``z_m``. ``scene_id``: "" has
         the service choose. ``held``: faces that are held still, of "surface", "bottom", "x_min", "x_max" (the bottom).
+        ``linear``: it does not stiffen with strain, as a phantom; else forces may be larger by ``Answer.above``.
         """
         request = scenes.create_request(scene_id, modulus, x_m, y_m, z_m, slices, size_m, poisson_ratio, thickness_m,
-                                        held)
+                                        held, linear)
         answer = await self._once("CreateScene", self._palpation().CreateScene, request, scene_id)
         return scenes.scene_from(answer, "CreateScene")
 

@@ -63,7 +63,8 @@ class Answer:
 
     ``status``: "ok"; "degraded": not to be trusted, see ``warning``; "not covered", "failed", "preparing": there is
     none, and force, tangent and energy are NaN. ``half_width``: half of the interval that holds the force in 95 of
-    100, over the force; NaN where the model states none. ``message``: all that was sent.
+    100, over the force; NaN where the model states none. ``above``: what it reaches further up than down, where the
+    scene is not stated to be ``linear``. ``message``: all that was sent.
     """
 
     sequence: int
@@ -74,6 +75,7 @@ class Answer:
     energy_j: float
     warning: str
     half_width: float
+    above: float
     window_id: int
     model_version: int
     path: str            # which model answered; "" out of contact
@@ -136,8 +138,10 @@ def answer_from(message: palpation.TouchAnswer, round_trip_s: float) -> Answer:
         else:
             tangent = np.zeros((3, 3))
         energy = float(_finite("answer.energy_j", [message.energy_j], 1)[0])
-    half_width = message.budget.half_width if message.HasField("budget") else math.nan
-    return Answer(message.sequence, position, status, force, tangent, energy, message.warning, half_width,
+    half_width, above = math.nan, math.nan
+    if message.HasField("budget"):
+        half_width, above = message.budget.half_width, message.budget.above
+    return Answer(message.sequence, position, status, force, tangent, energy, message.warning, half_width, above,
                   message.window_id, message.model_version, PATH_NAMES.get(message.path, ""),
                   region_from(message.covered, _CALL), round_trip_s, message)
 

@@ -246,6 +246,7 @@ def _answer_row(answer: palpation.TouchAnswer) -> dict[str, Any]:
             "window_id": answer.window_id, "model_version": answer.model_version,
             "largest_strain": answer.largest_strain,
             "half_width": answer.budget.half_width if answer.HasField("budget") else np.nan,
+            "above": answer.budget.above if answer.HasField("budget") else np.nan,
             "compute_s": 1e-9 * answer.compute_ns, "queued_s": 1e-9 * answer.queued_ns, "warning": answer.warning}
 
 

@@ -160,7 +160,7 @@ def _warn_of_doubt(modulus: Any) -> None:
 
 def create_request(scene_id: str, modulus: Any, x_m: Any, y_m: Any, z_m: Any, slices: Mapping[float, Any] | None,
                    size_m: Any, poisson_ratio: float | None, thickness_m: float | None,
-                   held: Collection[str] | None) -> palpation.CreateSceneRequest:
+                   held: Collection[str] | None, linear: bool = False) -> palpation.CreateSceneRequest:
     """Checked as far as it can be without the service. Raises InvalidArgument."""
     request = palpation.CreateSceneRequest(scene_id=scene_id)
     if modulus is not None and slices is not None:
@@ -199,6 +199,7 @@ def create_request(scene_id: str, modulus: Any, x_m: Any, y_m: Any, z_m: Any, sl
         request.geometry.has_poisson_ratio = True
     if thickness_m is not None:
         request.geometry.thickness_m = thickness_m
+    request.geometry.linear = linear
     if held is not None:
         for face in held:
             if face not in FACES:

@@ -261,6 +261,7 @@ def path_dataset(answers: list[Answer]) -> xr.Dataset:
         {"force": (("pose", "axis"), np.array([answer.force_n for answer in answers]).reshape(-1, 3), {"units": "N"}),
          "energy": ("pose", np.array([answer.energy_j for answer in answers]), {"units": "J"}),
          "half_width": ("pose", np.array([answer.half_width for answer in answers]), {"units": "1"}),
+         "above": ("pose", np.array([answer.above for answer in answers]), {"units": "1"}),
          "status": ("pose", np.array([answer.status for answer in answers], dtype=object)),
          "model_version": ("pose", np.array([answer.model_version for answer in answers], np.int64))},
         coords={"axis": axis, **{name: ("pose", positions[:, k], {"units": "m"}) for k, name in enumerate("xyz")}},
