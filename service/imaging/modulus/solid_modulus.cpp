@@ -167,7 +167,8 @@ class SolidModulusMethod : public ModulusMethod {
   static ProbedTissue::Response pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
                                        const ProbedTissue::Planes& beside) {
     const VectorXd with_skin = theta + fit.skin;
-    return fit.tissue->push(with_skin, tilt, planes_beyond(beside, with_skin, *fit.tissue));
+    auto planes = planes_between(with_shared_lumps(beside, with_skin), with_skin, *fit.tissue);
+    return fit.tissue->push(with_skin, tilt, planes_beyond(std::move(planes), with_skin, *fit.tissue));
   }
 
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
@@ -190,7 +191,8 @@ class SolidModulusMethod : public ModulusMethod {
     out.converged = false;
     while (out.iterations < steps) {
       check_cancelled();
-      const auto response = pushed(fit, theta, tilt, beside);
+      // First without the others, which hold up what this slice has not been given yet.
+      const auto response = pushed(fit, theta, tilt, out.iterations == 0 ? ProbedTissue::Planes{} : beside);
       const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
       VectorXd residual = VectorXd::Zero(size);
       observed = weight;
