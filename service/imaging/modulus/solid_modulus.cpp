@@ -187,12 +187,22 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd& theta = found.log_modulus;
     double tilt = 0, tilt_deviation = 0;
     FixedPoint hastened;
-    VectorXd observed = weight, moved = VectorXd::Zero(size);
+    VectorXd observed = weight, moved = VectorXd::Zero(size), solved = theta;
+    double solved_tilt = 0;
+    bool too_uneven = false;
     out.converged = false;
     while (out.iterations < steps) {
       check_cancelled();
       // First without the others, which hold up what this slice has not been given yet.
-      const auto response = pushed(fit, theta, tilt, out.iterations == 0 ? ProbedTissue::Planes{} : beside);
+      ProbedTissue::Response response;
+      try {
+        response = pushed(fit, theta, tilt, out.iterations == 0 ? ProbedTissue::Planes{} : beside);
+      } catch (const std::invalid_argument&) {  // a map of noise may be
+        if (out.iterations == 0) throw;
+        theta = solved, tilt = solved_tilt, too_uneven = true, out.converged = false;
+        break;
+      }
+      solved = theta, solved_tilt = tilt;
       const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
       VectorXd residual = VectorXd::Zero(size);
       observed = weight;
@@ -226,10 +236,11 @@ class SolidModulusMethod : public ModulusMethod {
     }
     out.solves += out.iterations;
     if (!out.converged)
-      out.warn(steps < kMaxSteps ? ModulusFlag::kCut : ModulusFlag::kDeadline,
+      out.warn(steps < kMaxSteps && !too_uneven ? ModulusFlag::kCut : ModulusFlag::kDeadline,
                "the modulus of the solid had not settled after {} step(s){}", out.iterations,
-               steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
-                                 : ", the most");
+               too_uneven          ? ": the next is too uneven to be solved"
+               : steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
+                                   : ", the most");
     if (std::abs(tilt) > kMaxUneven)
       out.warn(ModulusFlag::kMisfit,
                "the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to touch "
