@@ -49,7 +49,8 @@ constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
 
 // Of what each column of cells differs by from all, in a step: columns of a block that is pressed evenly
 // strain alike, whatever their moduli, so that what the strain's columns differ by would add up step by step.
-constexpr double kColumnsPerStep = 0.3;
+// No more of it than that: what a step brings over it is no such difference, but a face that touches in part.
+constexpr double kColumnsPerStep = 0.3, kMostOfColumns = 0.06;
 
 void hold_columns(VectorXd& log_modulus, const CellGrid& cells) {
   const auto columns = static_cast<Index>(cells.columns), rows = static_cast<Index>(cells.rows);
@@ -60,7 +61,8 @@ void hold_columns(VectorXd& log_modulus, const CellGrid& cells) {
     typical[i] = median(values);
   }
   typical.array() -= typical.mean();
-  log_modulus -= kColumnsPerStep * typical.replicate(rows, 1);
+  log_modulus -=
+      (kColumnsPerStep * typical).cwiseMax(-kMostOfColumns).cwiseMin(kMostOfColumns).replicate(rows, 1);
 }
 
 TissueGrid mesh_of(const CellGrid& cells) {
