@@ -27,13 +27,14 @@ std::vector<double> smooth_noise(const service::ImageGrid& grid, double size_m, 
 
 service::Measured measured_of(const service::Queue& queue, const GivenDisplacement& given,
                               std::uint64_t seed) {
+  const service::ImageGrid& image = given.image;
   std::mt19937_64 random(seed);
-  const std::vector<double> noise = smooth_noise(kGivenImage, given.noise_m, random),
-                            lateral = smooth_noise(kGivenImage, kLateralNoise * given.noise_m, random);
+  const std::vector<double> noise = smooth_noise(image, given.noise_m, random),
+                            lateral = smooth_noise(image, kLateralNoise * given.noise_m, random);
   const double stated_m = std::max(given.noise_m, kMinStatedM),
                size_m[] = {kLateralNoise * stated_m, stated_m};
   std::vector<float> field, std_m;
-  for (std::size_t n = 0; n < kGivenImage.size(); ++n) {
+  for (std::size_t n = 0; n < image.size(); ++n) {
     field.push_back(static_cast<float>(given.lateral_m.at(n) + lateral[n]));
     field.push_back(static_cast<float>(given.axial_m.at(n) + noise[n]));
     for (const double s : size_m) std_m.push_back(static_cast<float>(s));
@@ -47,20 +48,19 @@ service::Measured measured_of(const service::Queue& queue, const GivenDisplaceme
     structure->unit_m[c] = size_m[c] / static_cast<double>(whole[service::kBelowMedian]);
   }
   service::DisplacementEstimate displacement;
-  displacement.grid.nx = static_cast<int>(kGivenImage.nx),
-  displacement.grid.ny = static_cast<int>(kGivenImage.ny);
+  displacement.grid.nx = static_cast<int>(image.nx), displacement.grid.ny = static_cast<int>(image.ny);
   displacement.field_m = queue.array(field);
   displacement.trusted =
-      queue.array(given.trusted.empty() ? std::vector<std::uint8_t>(kGivenImage.size(), 1) : given.trusted);
-  displacement.correlation = queue.array(std::vector<float>(kGivenImage.size(), 1));
+      queue.array(given.trusted.empty() ? std::vector<std::uint8_t>(image.size(), 1) : given.trusted);
+  displacement.correlation = queue.array(std::vector<float>(image.size(), 1));
   displacement.std_m = queue.array(std_m);
   displacement.information =
-      queue.array(std::vector<float>(2 * kGivenImage.size(), static_cast<float>(kInformation)));
+      queue.array(std::vector<float>(2 * image.size(), static_cast<float>(kInformation)));
   displacement.noise = structure;
   service::Measured measured;
-  measured.grid = kGivenImage;
+  measured.grid = image;
   service::download(queue, displacement, measured);
-  service::download(queue, service::StrainEstimator(queue, {}).estimate(displacement, kGivenImage), measured);
+  service::download(queue, service::StrainEstimator(queue, {}).estimate(displacement, image), measured);
   return measured;
 }
 

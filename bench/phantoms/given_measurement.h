@@ -10,13 +10,14 @@
 
 namespace teletact::bench {
 
-// Of a window 60 x 40 mm.
+// Of a window 60 x 40 mm, which is used where none else is given.
 inline constexpr service::ImageGrid kGivenImage{127, 98, 0.35e-3, 0.2e-3, 0.47e-3, 0.404e-3};
 
 struct GivenDisplacement {
-  std::vector<double> axial_m, lateral_m;  // at the nodes of kGivenImage
+  std::vector<double> axial_m, lateral_m;  // at the nodes of the image
   std::vector<std::uint8_t> trusted;       // empty: everywhere
   double noise_m = 0.5e-6;  // standard deviation of the axial one, ten times that of the lateral
+  service::ImageGrid image = kGivenImage;
 };
 
 service::Measured measured_of(const service::Queue&, const GivenDisplacement&, std::uint64_t seed);

@@ -2,12 +2,23 @@
 // skip, saying so, only where the folder is absent.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
 
 #include "client/files/metaimage.h"
+#include "service/imaging/estimate.h"
 #include "service/imaging/tracking/frame.h"
+
+#define SKIP_WITHOUT_DATA(name)                                                                 \
+  if (!std::filesystem::exists(data_folder() / name)) {                                         \
+    std::printf("SKIPPED: no %s\n", (data_folder() / name).c_str());                            \
+    GTEST_SKIP() << "no " << (data_folder() / name) << ": these data may not be redistributed"; \
+  }
 
 namespace teletact::service {
 
@@ -42,6 +53,13 @@ inline RecordedPair simulated_inclusion() {
 }
 inline RecordedPair phantom_s2000() {
   return read_pair("phantom-s2000", 8.9e6, 40e6, DisplacementFrame::kProbe);
+}
+
+inline double x_of(const Estimate& e, std::size_t n) {
+  return e.grid.origin_x_m + static_cast<double>(n % e.grid.nx) * e.grid.dx_m;
+}
+inline double y_of(const Estimate& e, std::size_t n) {
+  return e.grid.origin_y_m + static_cast<double>(n / e.grid.nx) * e.grid.dy_m;
 }
 
 }  // namespace teletact::service

@@ -16,12 +16,6 @@
 namespace teletact::service {
 namespace {
 
-#define SKIP_WITHOUT_DATA(name)                                                                 \
-  if (!std::filesystem::exists(data_folder() / name)) {                                         \
-    std::printf("SKIPPED: no %s\n", (data_folder() / name).c_str());                            \
-    GTEST_SKIP() << "no " << (data_folder() / name) << ": these data may not be redistributed"; \
-  }
-
 Estimate estimate(const RecordedPair& pair, double depth_m, const StrainOptions& strain = {}) {
   ElastographyOptions options;
   options.strain = strain;
@@ -29,13 +23,6 @@ Estimate estimate(const RecordedPair& pair, double depth_m, const StrainOptions&
   const double width_m = static_cast<double>(pair.pre.line_count) * pair.geometry.line_pitch_m;
   return elastography.estimate(pair.pre, pair.post,
                                {pair.geometry, std::nullopt, {width_m, depth_m, 0, 0.495}});
-}
-
-double x_of(const Estimate& e, std::size_t n) {
-  return e.grid.origin_x_m + static_cast<double>(n % e.grid.nx) * e.grid.dx_m;
-}
-double y_of(const Estimate& e, std::size_t n) {
-  return e.grid.origin_y_m + static_cast<double>(n / e.grid.nx) * e.grid.dy_m;
 }
 
 // Bilinear values of one channel of an image whose first axis is depth; nothing within `margin_m` of its
@@ -197,38 +184,6 @@ TEST(SimulatedInclusion, IsTakenForABlock) {
   EXPECT_NE(e.modulus.model.find("that is a block"), std::string::npos) << e.modulus.model;
   EXPECT_GE(contrast, 3.2);
   EXPECT_LE(contrast, 4.8);
-}
-
-TEST(PhantomS2000, IsTakenForABlockWithoutARamp) {
-  SKIP_WITHOUT_DATA("phantom-s2000");
-  const RecordedPair pair = phantom_s2000();
-  const double width_m = static_cast<double>(pair.pre.line_count) * pair.geometry.line_pitch_m;
-  TissueExtent extent{width_m, 0.055, 0, 0.49, Plane::kSolid};
-  extent.depth_stated = false;
-  const Estimate e =
-      Elastography(Device::open())
-          .estimate(pair.pre, pair.post, {pair.geometry, std::nullopt, extent, {}, {{}, 60.0}});
-  EXPECT_NE(e.modulus.model.find("that is a block"), std::string::npos) << e.modulus.model;
-  for (std::size_t n = 0; n < e.grid.size(); ++n) EXPECT_FALSE(e.valid[n] && y_of(e, n) < 0.0058) << n;
-  ASSERT_FALSE(e.input_warnings.empty());
-  EXPECT_EQ(e.input_warnings.back().flag, WarningFlag::kCoupling) << e.input_warnings.back().line();
-  const auto typical = [](std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-  };
-  std::vector<double> above, below, deviations;
-  for (std::size_t n = 0; n < e.grid.size(); ++n) {
-    if (!e.valid[n] || y_of(e, n) < 0.007) continue;
-    deviations.push_back(e.modulus.log_deviation[n]);
-    if (std::hypot(x_of(e, n) - 0.0197, y_of(e, n) - 0.0355) < 0.009) continue;  // the sphere
-    if (y_of(e, n) < 0.022) above.push_back(e.modulus.youngs_modulus[n]);
-    if (y_of(e, n) > 0.040) below.push_back(e.modulus.youngs_modulus[n]);
-  }
-  std::printf("phantom-s2000: ramp %.2f, deviation %.2f; %s\n", typical(below) / typical(above),
-              typical(deviations), e.modulus.model.c_str());
-  EXPECT_NEAR(std::log(typical(below) / typical(above)), 0, std::log(1.2));
-  EXPECT_LE(typical(deviations), 0.2);
 }
 
 struct WindowStatistics {

@@ -1,6 +1,6 @@
 // The cases of `warnings`: windows that provoke a warning of an estimate, at a stated level, and windows that
 // do not. Where frames are not what is asked, the displacement is given, from the patient's own finite
-// elements with noise. Of each row kDrawnTissues tissues are pressed; beyond that windows differ in noise.
+// elements with noise. Of each row kCasesOfTissue windows that follow each other differ in noise alone.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +29,7 @@ struct WarnedWindow {
   GivenDisplacement displacement;
   std::shared_ptr<const DrawnWindow> plane;  // has what is measured itself; else `displacement`
   std::optional<StatedFrames> frames;        // what is asked is what they are: no modulus is judged
+  double width_m = 0;                        // of the window
   service::TissueExtent tissue;
   std::optional<service::ProbeForce> force;
   service::KnownModulus known;
@@ -45,7 +46,7 @@ struct Claim {
   bool provoked;
 };
 
-inline constexpr std::uint64_t kDrawnTissues = 20;
+inline constexpr std::uint64_t kCasesOfTissue = 3;
 
 struct WarningRow {
   std::string name;  // with its level

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <stdexcept>
 #include <string_view>
 #include <utility>
 
@@ -47,10 +48,11 @@ struct JudgedCase {
   std::uint64_t seed = 0;
   bool refused = false;
   std::vector<std::string> fired = {}, misquoted = {};  // those whose number is not the map's
+  std::string failed = {};                              // why it has no estimate, where the push is enough
   double background = kNan, stated = kNan, seconds = kNan;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JudgedCase, name, seed, refused, fired, misquoted, background, stated,
-                                   seconds)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JudgedCase, name, seed, refused, fired, misquoted, failed, background,
+                                   stated, seconds)
 struct WarningFigures {
   std::vector<WarningResult> rows;
   std::vector<JudgedCase> cases;
@@ -72,7 +74,7 @@ class AfterTracking {
   service::ModulusEstimate operator()(const WarnedWindow& w, std::uint64_t seed) {
     const service::Measured measured =
         w.plane ? w.plane->input().measured : measured_of(queue_, w.displacement, seed);
-    const service::ModulusInput input{measured, DrawnWindow::kWindowM, w.tissue, w.force, w.known, w.budget};
+    const service::ModulusInput input{measured, w.width_m, w.tissue, w.force, w.known, w.budget};
     service::ModulusMethod& method = w.kind == service::ModulusKind::kSolid       ? *solid_
                                      : w.kind == service::ModulusKind::kIterative ? *iterative_
                                                                                   : *direct_;
@@ -152,6 +154,9 @@ JudgedCase judged(AfterTracking& estimate, const WarnedWindow& w, const std::str
     }
   } catch (const service::NoCompression&) {
     out.refused = true;
+  } catch (const std::invalid_argument& failure) {
+    out.failed = failure.what();
+    fmt::print("{}, seed {}: {}\n", name, seed, out.failed);
   }
   return out;
 }
@@ -159,7 +164,7 @@ JudgedCase judged(AfterTracking& estimate, const WarnedWindow& w, const std::str
 std::vector<double> told(const std::vector<JudgedCase>& all, double JudgedCase::*member) {
   std::vector<double> values;
   for (const JudgedCase& j : all)
-    if (!j.refused) values.push_back(j.*member);
+    if (!j.refused && j.failed.empty()) values.push_back(j.*member);
   return values;
 }
 
@@ -233,8 +238,9 @@ WarningFigures measure(const WarningOptions& options, Promises& promises) {
     }
     print_others(row, all);
   }
-  std::size_t misquoted = 0;
-  for (const JudgedCase& j : figures.cases) misquoted += !j.misquoted.empty();
+  std::size_t misquoted = 0, failed = 0;
+  for (const JudgedCase& j : figures.cases) misquoted += !j.misquoted.empty(), failed += !j.failed.empty();
+  promises.push_back({"estimates_that_failed", static_cast<double>(failed), 0});
   promises.push_back({"numbers_that_are_not_the_maps", static_cast<double>(misquoted), 0});
   for (const WarningResult& r : figures.rows) {
     if (r.cases < kMinCases) continue;

@@ -47,6 +47,24 @@ constexpr double kUnsettledLog = 0.5;        // of the last step, where the time
 // as it bears little of the force, that does not matter.
 constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
 
+// Of what each column of cells differs by from all, in a step: columns of a block that is pressed evenly
+// strain alike, whatever their moduli, so that what the strain's columns differ by would add up step by step.
+// No more of it than that: what a step brings over it is no such difference, but a face that touches in part.
+constexpr double kColumnsPerStep = 0.3, kMostOfColumns = 0.06;
+
+void hold_columns(VectorXd& log_modulus, const CellGrid& cells) {
+  const auto columns = static_cast<Index>(cells.columns), rows = static_cast<Index>(cells.rows);
+  VectorXd typical(columns);
+  std::vector<double> values(cells.rows);
+  for (Index i = 0; i < columns; ++i) {
+    for (Index j = 0; j < rows; ++j) values[static_cast<std::size_t>(j)] = log_modulus[i + columns * j];
+    typical[i] = median(values);
+  }
+  typical.array() -= typical.mean();
+  log_modulus -=
+      (kColumnsPerStep * typical).cwiseMax(-kMostOfColumns).cwiseMin(kMostOfColumns).replicate(rows, 1);
+}
+
 TissueGrid mesh_of(const CellGrid& cells) {
   TissueGrid grid;
   for (std::size_t i = 0; i <= cells.columns; ++i)
@@ -167,7 +185,8 @@ class SolidModulusMethod : public ModulusMethod {
   static ProbedTissue::Response pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
                                        const ProbedTissue::Planes& beside) {
     const VectorXd with_skin = theta + fit.skin;
-    return fit.tissue->push(with_skin, tilt, planes_beyond(beside, with_skin, *fit.tissue));
+    auto planes = planes_between(with_shared_lumps(beside, with_skin), with_skin, *fit.tissue);
+    return fit.tissue->push(with_skin, tilt, planes_beyond(std::move(planes), with_skin, *fit.tissue));
   }
 
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
@@ -186,11 +205,22 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd& theta = found.log_modulus;
     double tilt = 0, tilt_deviation = 0;
     FixedPoint hastened;
-    VectorXd observed = weight, moved = VectorXd::Zero(size);
+    VectorXd observed = weight, moved = VectorXd::Zero(size), solved = theta;
+    double solved_tilt = 0;
+    bool too_uneven = false;
     out.converged = false;
     while (out.iterations < steps) {
       check_cancelled();
-      const auto response = pushed(fit, theta, tilt, beside);
+      // First without the others, which hold up what this slice has not been given yet.
+      ProbedTissue::Response response;
+      try {
+        response = pushed(fit, theta, tilt, out.iterations == 0 ? ProbedTissue::Planes{} : beside);
+      } catch (const std::invalid_argument&) {  // a map of noise may be
+        if (out.iterations == 0) throw;
+        theta = solved, tilt = solved_tilt, too_uneven = true, out.converged = false;
+        break;
+      }
+      solved = theta, solved_tilt = tilt;
       const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
       VectorXd residual = VectorXd::Zero(size);
       observed = weight;
@@ -214,7 +244,8 @@ class SolidModulusMethod : public ModulusMethod {
       // Unobserved cells begin at the background.
       const VectorXd start =
           out.iterations == 0 ? VectorXd((observed.array() > 0).select(pseudo, 0.0)) : theta;
-      const VectorXd denoised = denoise(pseudo, observed / kOverstep, start);
+      VectorXd denoised = denoise(pseudo, observed / kOverstep, start);
+      if (!(fit.face.beside_m > 0)) hold_columns(denoised, cells);
       moved = denoised - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       theta = hastened.next(theta, denoised).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
@@ -223,21 +254,31 @@ class SolidModulusMethod : public ModulusMethod {
       if (change < kLastStep) break;
     }
     out.solves += out.iterations;
+    const auto force_of = [&](const VectorXd& map) {
+      ++out.solves;
+      return force_with(fit, map, tilt, observed, beside);
+    };
+    bool stiff = theta.maxCoeff() > kStiffLog;
+    if (in.force || stiff) try {
+        found.force_n = force_of(theta);
+      } catch (const std::invalid_argument&) {
+        theta = solved, tilt = solved_tilt, too_uneven = true, out.converged = false;
+        found.force_n = force_of(theta);
+        stiff = theta.maxCoeff() > kStiffLog;
+      }
     if (!out.converged)
-      out.warn(steps < kMaxSteps ? ModulusFlag::kCut : ModulusFlag::kDeadline,
+      out.warn(steps < kMaxSteps && !too_uneven ? ModulusFlag::kCut : ModulusFlag::kDeadline,
                "the modulus of the solid had not settled after {} step(s){}", out.iterations,
-               steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
-                                 : ", the most");
+               too_uneven          ? ": the next is too uneven to be solved"
+               : steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
+                                   : ", the most");
     if (std::abs(tilt) > kMaxUneven)
       out.warn(ModulusFlag::kMisfit,
                "the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to touch "
                "in part, and the modulus is off by a factor; press it flat",
                100 * std::abs(tilt), tilt > 0 ? "left" : "right");
-    const bool stiff = theta.maxCoeff() > kStiffLog;
-    if (in.force || stiff) found.force_n = force_with(fit, theta, tilt, observed, beside), ++out.solves;
     if (stiff) {
-      const double without_n = force_with(fit, theta.cwiseMin(kStiffLog), tilt, observed, beside);
-      ++out.solves;
+      const double without_n = force_of(theta.cwiseMin(kStiffLog));
       if (found.force_n > kMaxOfStiff * without_n)
         out.warn(
             ModulusFlag::kMisfit,

@@ -78,6 +78,45 @@ TEST(OneSlice, TheOutermostSliceTellsWhatLiesBeyond) {
   EXPECT_TRUE(std::ranges::is_sorted(planes, {}, &ProbedTissue::ImagePlane::offset_m));
 }
 
+// ln E of one cell in this slice, in another, and what is taken for the other's.
+TEST(OneSlice, ALumpThatBothShowIsAsStiffAsThisOneSays) {
+  struct Case {
+    double own, other, taken;
+  };
+  for (const Case& c : {Case{0.8, 1, 0.8},
+                        {1, 0.8, 1},
+                        {1, 0.25, 0},
+                        {0.25, 1, 1},
+                        {0, 1, 1},
+                        {0.1, 0.4, 0.1},
+                        {-0.1, 0.2, -0.1},
+                        {-1, 0.5, 0.5},
+                        {-0.8, -1, -0.8},
+                        {1, 0, 0}}) {
+    const VectorXd own = VectorXd::Constant(1, c.own), other = VectorXd::Constant(1, c.other);
+    const auto planes = with_shared_lumps({{5e-3, other}}, own);
+    EXPECT_NEAR(planes[0].log_modulus[0], c.taken, 1e-12) << c.own << ", " << c.other;
+  }
+}
+
+TEST(OneSlice, BetweenSlicesALumpEndsAsABallOrGoesOn) {
+  const Slice slice;
+  const VectorXd disc = slice.field([](double x, double y) { return std::hypot(x, y) < kRadiusM ? 1.0 : 0; }),
+                 none = VectorXd::Zero(disc.size());
+  const auto most_at = [&](const VectorXd& next, double z_m) {
+    double most = NAN, nearest_m = HUGE_VAL;
+    for (const auto& plane : planes_between({{-6e-3, next}, {6e-3, next}}, disc, slice))
+      if (const double away_m = std::abs(plane.offset_m - z_m); away_m < nearest_m)
+        nearest_m = away_m, most = plane.log_modulus.maxCoeff();
+    return most;
+  };
+  for (const double z_m : {-1.2e-3, 1.2e-3}) EXPECT_EQ(most_at(none, z_m), 1) << z_m;
+  for (const double z_m : {-4.5e-3, 4.5e-3, 6e-3}) {
+    EXPECT_EQ(most_at(none, z_m), 0) << z_m;
+    EXPECT_EQ(most_at(disc, z_m), 1) << z_m;
+  }
+}
+
 TEST(OneSlice, ALayerAndAStepGoOn) {
   const Slice slice;
   const VectorXd field =
