@@ -1,39 +1,7 @@
 // Preconditioned conjugate gradients on many right-hand sides at once, every scalar on the device. Vectors:
-// [right-hand side][node] of real2. Scalars: [field][right-hand side], and after the fields three of each
-// iteration; what is counted is exact in any `real`.
+// [right-hand side][node] of real2.
+#include "pcg.clh"
 #include "sums.clh"
-
-// Fields of the scalars, as in service/solver/pcg.cpp; the host writes INITIAL and ABSOLUTE.
-#define RZ 0  // r . z
-#define ALPHA 1
-#define BETA 2
-#define DECREASE 3  // sum of alpha rz: how much the squared energy norm of the error has fallen
-#define WORK 4      // load . x, x the correction found so far
-#define RR 5        // r . r
-#define ESTIMATE 6  // of the squared energy norm of the error
-#define SCALE 7     // squared energy norm of the whole solution
-#define INITIAL 8   // that of the initial guess
-#define ABSOLUTE 9  // stop when ESTIMATE falls below this
-#define RR_START 10
-#define STATE 11
-#define ITERATIONS 12
-#define FIELDS 13
-#define TERM(k) (FIELDS + 3 * (k))  // alpha rz of iteration k, its alpha and its beta
-#define ALPHA_OF(k) (FIELDS + 3 * (k) + 1)
-#define BETA_OF(k) (FIELDS + 3 * (k) + 2)
-
-// r . r relative to its start below which going on only meets rounding, and underflow in float.
-#if TELETACT_DOUBLE
-#define RESIDUAL_FLOOR 1e-50
-#else
-#define RESIDUAL_FLOOR 1e-24f
-#endif
-
-// States, as in service/solver/pcg.h (StopReason).
-#define RUNNING 0
-#define CONVERGED 1
-#define INDEFINITE 3
-#define NOT_FINITE 4
 
 // Nodes of chunk n, in turns over a work-group's items on a GPU: those next to each other load next to each
 // other.

@@ -11,19 +11,9 @@
 namespace teletact::service {
 namespace {
 
-// Fields of the scalars, as in kernels/pcg.cl; after them kHistory of each iteration.
-enum Field : std::size_t {
-  kDecrease = 3,
-  kRr = 5,
-  kEstimate = 6,
-  kScale = 7,
-  kInitial = 8,
-  kAbsolute = 9,
-  kState = 11,
-  kIterations = 12,
-  kFields = 13
-};
-enum History : std::size_t { kAlphaOf = 1, kBetaOf = 2, kHistory = 3 };
+// Fields of the scalars that are read alone, as in kernels/pcg.clh.
+enum Field : std::size_t { kDecrease = 3, kRr = 5, kEstimate = 6, kScale = 7 };
+enum History : std::size_t { kAlphaOf = 1, kBetaOf = 2 };
 
 // Nodes that one work item sums, and the most partial sums of one right-hand side.
 constexpr std::size_t kSmallestChunk = 32, kMaxChunks = 1024;
@@ -117,15 +107,10 @@ void Pcg<T>::dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, co
 template <class T>
 void Pcg<T>::begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T>& r, Array<T>& x,
                    const std::vector<double>& initial_energy, const std::vector<double>& absolute_error) {
-  if (const std::size_t size = (kFields + kHistory * options_.max_iterations) * capacity_;
+  if (const std::size_t size = (kPcgFields + kPcgHistory * options_.max_iterations) * capacity_;
       scalars_.size() < size)
     scalars_ = queue_.array<T>(size);
-  std::vector<T> scalars(kFields * count, T{0});
-  for (std::size_t q = 0; q < count; ++q) {
-    if (!initial_energy.empty()) scalars[kInitial * count + q] = static_cast<T>(initial_energy[q]);
-    if (!absolute_error.empty())
-      scalars[kAbsolute * count + q] = static_cast<T>(absolute_error[q] * absolute_error[q]);
-  }
+  const std::vector<T> scalars = pcg_scalars<T>(count, initial_energy, absolute_error);
   queue_.send(scalars_, scalars.data(), scalars.size());
   queue_.fill_zero(x);
   preconditioner.apply(r, z_, count);
@@ -179,33 +164,45 @@ std::vector<PcgResult> Pcg<T>::solve(LinearOperator<T>& a, LinearOperator<T>& pr
     const std::size_t done = k + 1;
     const bool last = done >= options_.max_iterations;
     if (last || (done >= 2 * kDelay && done % options_.look_every == 0)) {
-      std::vector<T> scalars((kFields + kHistory * done) * count);
+      std::vector<T> scalars((kPcgFields + kPcgHistory * done) * count);
       queue_.read(scalars_, scalars.data(), scalars.size());
-      const std::span<const T> states = std::span(scalars).subspan(kState * count, count);
+      const std::span<const T> states = std::span(scalars).subspan(kPcgState * count, count);
       if (last || std::ranges::find(states, static_cast<T>(StopReason::kRunning)) == states.end())
-        return results(scalars, count);
+        return pcg_results(scalars, count);
     }
     turn(preconditioner, k, count, r);
   }
 }
 
 template <class T>
-std::vector<PcgResult> Pcg<T>::results(const std::vector<T>& scalars, std::size_t count) {
+std::vector<T> pcg_scalars(std::size_t count, const std::vector<double>& initial_energy,
+                           const std::vector<double>& absolute_error) {
+  std::vector<T> scalars(kPcgFields * count, T{0});
+  for (std::size_t q = 0; q < count; ++q) {
+    if (!initial_energy.empty()) scalars[kPcgInitial * count + q] = static_cast<T>(initial_energy[q]);
+    if (!absolute_error.empty())
+      scalars[kPcgAbsolute * count + q] = static_cast<T>(absolute_error[q] * absolute_error[q]);
+  }
+  return scalars;
+}
+
+template <class T>
+std::vector<PcgResult> pcg_results(const std::vector<T>& scalars, std::size_t count) {
   std::vector<PcgResult> results(count);
   for (std::size_t q = 0; q < count; ++q) {
     PcgResult& result = results[q];
     const auto field = [&](std::size_t f) { return static_cast<double>(scalars[f * count + q]); };
-    result.reason = static_cast<StopReason>(static_cast<int>(field(kState)));
+    result.reason = static_cast<StopReason>(static_cast<int>(field(kPcgState)));
     if (result.reason == StopReason::kRunning) result.reason = StopReason::kIterationLimit;
-    result.iterations = static_cast<std::size_t>(field(kIterations));
+    result.iterations = static_cast<std::size_t>(field(kPcgIterations));
     result.recursive_residual = std::sqrt(field(kRr));
     result.squared_error = field(kEstimate);
     result.squared_energy = field(kScale);
     result.squared_decrease = field(kDecrease);
     Lanczos lanczos;
     for (std::size_t k = 0; k < result.iterations; ++k) {
-      lanczos.alpha.push_back(field(kFields + kHistory * k + kAlphaOf));
-      lanczos.beta.push_back(field(kFields + kHistory * k + kBetaOf));
+      lanczos.alpha.push_back(field(kPcgFields + kPcgHistory * k + kAlphaOf));
+      lanczos.beta.push_back(field(kPcgFields + kPcgHistory * k + kBetaOf));
     }
     result.smallest_eigenvalue = smallest_ritz_value(lanczos);
   }
@@ -214,9 +211,9 @@ std::vector<PcgResult> Pcg<T>::results(const std::vector<T>& scalars, std::size_
 
 template <class T>
 std::vector<double> Pcg<T>::preconditioned_norm(LinearOperator<T>& preconditioner, std::size_t count,
-                                                const Array<T>& r) {
-  preconditioner.apply(r, z_, count);
-  dot_two(r, z_, r, r, count);
+                                                const Array<T>& r, Array<T>& z) {
+  preconditioner.apply(r, z, count);
+  dot_two(r, z, r, r, count);
   std::vector<T> partial(chunks_ * count);
   queue_.read(partial_, partial.data(), partial.size());
   std::vector<double> norms(count);
@@ -225,6 +222,10 @@ std::vector<double> Pcg<T>::preconditioned_norm(LinearOperator<T>& preconditione
   return norms;
 }
 
+template std::vector<float> pcg_scalars(std::size_t, const std::vector<double>&, const std::vector<double>&);
+template std::vector<double> pcg_scalars(std::size_t, const std::vector<double>&, const std::vector<double>&);
+template std::vector<PcgResult> pcg_results(const std::vector<float>&, std::size_t);
+template std::vector<PcgResult> pcg_results(const std::vector<double>&, std::size_t);
 template class Pcg<float>;
 template class Pcg<double>;
 

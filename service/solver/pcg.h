@@ -47,6 +47,23 @@ struct Lanczos {
 };
 double smallest_ritz_value(const Lanczos&);
 
+// The scalars on the device (kernels/pcg.clh).
+enum PcgField : std::size_t {
+  kPcgInitial = 8,
+  kPcgAbsolute = 9,
+  kPcgState = 11,
+  kPcgIterations = 12,
+  kPcgFields = 13,
+  kPcgHistory = 3  // of each iteration, after the fields
+};
+// Those that a solve begins with, [kPcgFields][count].
+template <class T>
+std::vector<T> pcg_scalars(std::size_t count, const std::vector<double>& initial_energy,
+                           const std::vector<double>& absolute_error);
+// What they say at the end.
+template <class T>
+std::vector<PcgResult> pcg_results(const std::vector<T>& scalars, std::size_t count);
+
 template <class T>
 class Pcg {
  public:
@@ -59,9 +76,9 @@ class Pcg {
                                Array<T>& r, const Array<T>& load, Array<T>& x,
                                const std::vector<double>& initial_energy = {},
                                const std::vector<double>& absolute_error = {});
-  // r . M r for each of `count` vectors; z is left with M r.
+  // z = M r and r . z for each of `count` vectors.
   std::vector<double> preconditioned_norm(LinearOperator<T>& preconditioner, std::size_t count,
-                                          const Array<T>& r);
+                                          const Array<T>& r, Array<T>& z);
   std::size_t capacity() const { return capacity_; }
   PcgOptions& options() { return options_; }
 
@@ -71,7 +88,6 @@ class Pcg {
   void advance(LinearOperator<T>& a, std::size_t iteration, std::size_t count, Array<T>& r,
                const Array<T>& load, Array<T>& x);
   void turn(LinearOperator<T>& preconditioner, std::size_t iteration, std::size_t count, const Array<T>& r);
-  static std::vector<PcgResult> results(const std::vector<T>& scalars, std::size_t count);
   void dot_two(const Array<T>& a, const Array<T>& b, const Array<T>& c, const Array<T>& d, std::size_t count);
   Queue queue_;
   PcgOptions options_;

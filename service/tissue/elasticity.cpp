@@ -71,6 +71,32 @@ void apply_on_host(const TissueGrid& grid, const Material& material, std::size_t
     }
 }
 
+std::vector<double> stencil_on_host(const ScaledTissue& tissue) {
+  const TissueGrid& grid = tissue.grid;
+  std::vector<double> blocks(36 * grid.nodes());
+  const auto add = [&](std::size_t node, std::size_t k, std::size_t entry, double value) {
+    blocks[4 * (k * grid.nodes() + node) + entry] += value;
+  };
+  for (std::size_t j = 0; j + 1 < grid.ny(); ++j)
+    for (std::size_t i = 0; i + 1 < grid.nx(); ++i) {
+      const auto stiffness =
+          element_stiffness(grid.x_m[i + 1] - grid.x_m[i], grid.y_m[j + 1] - grid.y_m[j],
+                            tissue.material.youngs_modulus_pa[grid.element(i, j)] / tissue.reference_pa,
+                            tissue.material.poisson_ratio);
+      for (std::size_t row = 0; row < 8; ++row)
+        for (std::size_t column = 0; column < 8; ++column) {
+          const std::size_t a = row / 2, b = column / 2;  // corners: to the right in bit 0, below in bit 1
+          const std::size_t node = grid.node(i + a % 2, j + a / 2), to = grid.node(i + b % 2, j + b / 2);
+          if (tissue.free[2 * node + row % 2] && tissue.free[2 * to + column % 2])
+            add(node, 3 * (1 + b / 2 - a / 2) + 1 + b % 2 - a % 2, 2 * (row % 2) + column % 2,
+                stiffness(Eigen::Index(row), Eigen::Index(column)));
+        }
+    }
+  for (std::size_t n = 0; n < grid.dofs(); ++n)
+    if (!tissue.free[n]) add(n / 2, 4, 3 * (n % 2), 1);
+  return blocks;
+}
+
 template <class T>
 Elasticity<T>::Elasticity(const Queue& queue, const ScaledTissue& tissue, double length)
     : queue_(queue),

@@ -34,6 +34,9 @@ struct ScaledTissue {
   std::vector<std::uint8_t> free;  // [node][2]: 1, or 0 where an unknown is held
 };
 
+// [9][ny][nx] blocks of 4 (kernels/stencil.clh), held unknowns as the identity. On the host, in double.
+std::vector<double> stencil_on_host(const ScaledTissue&);
+
 template <class T>
 class Elasticity : public LinearOperator<T> {
  public:

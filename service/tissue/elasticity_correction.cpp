@@ -3,25 +3,62 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "service/solver/multigrid.h"
+#include "service/tissue/block_tridiagonal.h"
 
 namespace teletact::service {
 namespace {
 
-// T: of vectors and operator; W: of multigrid.
+// Conjugate gradients by multigrid; T: of vectors and operator, W: of multigrid.
 template <class T, class W>
+class MultigridPcg {
+ public:
+  MultigridPcg(const Queue& queue, const ScaledTissue& tissue, const PcgOptions& options)
+      : queue_(queue),
+        options_(options),
+        dofs_(tissue.grid.dofs()),
+        operator_(queue, tissue),
+        multigrid_(queue, {tissue.grid.x_m, tissue.grid.y_m}) {
+    if (queue.supports(Precision::kDouble))
+      multigrid_.set_operator(Elasticity<double>(queue, tissue).stencil(), tissue.free);
+    else
+      multigrid_.set_operator(operator_.stencil(), tissue.free);
+  }
+  void reserve(std::size_t count) { pcg_ = Pcg<T>(queue_, dofs_, count, options_); }
+  std::vector<PcgResult> solve(std::size_t count, Array<T>& r, const Array<T>& load, Array<T>& x,
+                               const std::vector<double>& initial_energy,
+                               const std::vector<double>& absolute_error) {
+    return pcg_->solve(operator_, multigrid_, count, r, load, x, initial_energy, absolute_error);
+  }
+  std::vector<double> apply(std::size_t count, const Array<T>& r, Array<T>& z) {
+    return pcg_->preconditioned_norm(multigrid_, count, r, z);
+  }
+  void set_relative_error(double error) { pcg_->options().relative_error = error; }
+
+ private:
+  Queue queue_;
+  PcgOptions options_;
+  std::size_t dofs_;
+  Elasticity<T> operator_;
+  Multigrid<T, W> multigrid_;
+  std::optional<Pcg<T>> pcg_;
+};
+
+// T: of the vectors of Method.
+template <class T, class Method>
 class Correction : public ElasticityCorrection {
  public:
-  Correction(const Queue& queue, const ScaledTissue& tissue, std::size_t capacity, const PcgOptions& options)
-      : queue_(queue),
-        tissue_(tissue),
-        operator_(queue, tissue),
-        multigrid_(queue, {tissue.grid.x_m, tissue.grid.y_m}),
-        pcg_(queue, tissue.grid.dofs(), capacity, options) {
-    for (Array<T>* a : {&r_, &load_, &x_}) *a = queue.array<T>(capacity * tissue.grid.dofs());
-    set_multigrid();
+  Correction(const Queue& queue, const ScaledTissue& tissue, const PcgOptions& options)
+      : queue_(queue), tissue_(tissue), method_(queue, tissue, options) {}
+
+  void reserve(std::size_t count) override {
+    const auto room = [&] { return queue_.array<T>(count * tissue_.grid.dofs()); };
+    Array<T> r = room(), load = room(), x = room();
+    method_.reserve(count);
+    r_ = std::move(r), load_ = std::move(load), x_ = std::move(x);
   }
 
   std::vector<PcgResult> solve(const Problem& problem, std::span<double> correction) override {
@@ -33,9 +70,8 @@ class Correction : public ElasticityCorrection {
     std::vector<double> energy = problem.initial_energy, error = problem.absolute_error;
     for (std::size_t q = 0; q < energy.size(); ++q) energy[q] *= tissue_.reference_pa / (scale[q] * scale[q]);
     for (std::size_t q = 0; q < error.size(); ++q) error[q] *= std::sqrt(tissue_.reference_pa) / scale[q];
-    pcg_.options().relative_error = problem.relative_error;
-    std::vector<PcgResult> results =
-        pcg_.solve(operator_, multigrid_, problem.count, r_, load_, x_, energy, error);
+    method_.set_relative_error(problem.relative_error);
+    std::vector<PcgResult> results = method_.solve(problem.count, r_, load_, x_, energy, error);
     for (std::size_t q = 0; q < problem.count; ++q) {
       const double squared = scale[q] * scale[q] / tissue_.reference_pa;
       results[q].recursive_residual *= scale[q];
@@ -52,7 +88,7 @@ class Correction : public ElasticityCorrection {
   std::vector<double> norm(std::size_t count, std::span<const double> residual) override {
     const std::vector<double> scale = scales(count, residual);
     write(residual, scale, load_);
-    std::vector<double> norms = pcg_.preconditioned_norm(multigrid_, count, load_);
+    std::vector<double> norms = method_.apply(count, load_, x_);
     for (std::size_t q = 0; q < count; ++q)
       norms[q] = norms[q] >= 0 ? std::sqrt(norms[q] / tissue_.reference_pa) * scale[q]
                                : std::numeric_limits<double>::infinity();
@@ -62,19 +98,13 @@ class Correction : public ElasticityCorrection {
   std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) override {
     const std::vector<double> scale = scales(count, residual);
     write(residual, scale, load_);
-    multigrid_.apply(load_, x_, count);
+    method_.apply(count, load_, x_);
     std::vector<double> z(residual.size());
     read(x_, scale, 1 / tissue_.reference_pa, z);
     return z;
   }
 
  private:
-  void set_multigrid() {
-    if constexpr (std::is_same_v<T, float>)
-      if (queue_.supports(Precision::kDouble))
-        return multigrid_.set_operator(Elasticity<double>(queue_, tissue_).stencil(), tissue_.free);
-    multigrid_.set_operator(operator_.stencil(), tissue_.free);
-  }
   // Largest entry of each vector; 1 for a zero vector.
   std::vector<double> scales(std::size_t count, std::span<const double> vectors) const {
     std::vector<double> scale(count, 0);
@@ -103,9 +133,7 @@ class Correction : public ElasticityCorrection {
 
   Queue queue_;
   const ScaledTissue& tissue_;
-  Elasticity<T> operator_;
-  Multigrid<T, W> multigrid_;
-  Pcg<T> pcg_;
+  Method method_;
   Array<T> r_, load_, x_;  // r_ keeps what the last solve left
   std::vector<double> solved_scale_;
   std::vector<T> host_;
@@ -115,14 +143,19 @@ class Correction : public ElasticityCorrection {
 
 std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision precision, const Queue& queue,
                                                                  const ScaledTissue& tissue,
-                                                                 std::size_t capacity,
                                                                  const PcgOptions& options) {
-  if (precision == Precision::kFloat)
-    return std::make_unique<Correction<float, float>>(queue, tissue, capacity, options);
+  const auto make = [&]<class T, class Method>() -> std::unique_ptr<ElasticityCorrection> {
+    return std::make_unique<Correction<T, Method>>(queue, tissue, options);
+  };
+  const bool in_float = precision == Precision::kFloat;
+  if (is_narrow(queue.info(), tissue.grid))
+    return in_float ? make.operator()<float, BlockTridiagonalPcg<float>>()
+                    : make.operator()<double, BlockTridiagonalPcg<double>>();
+  if (in_float) return make.operator()<float, MultigridPcg<float, float>>();
   // Compliances in float take two to three times the iterations near nu = 1/2.
   if (short_side({tissue.grid.x_m, tissue.grid.y_m}) == ShortSide::kNeither)
-    return std::make_unique<Correction<double, float>>(queue, tissue, capacity, options);
-  return std::make_unique<Correction<double, double>>(queue, tissue, capacity, options);
+    return make.operator()<double, MultigridPcg<double, float>>();
+  return make.operator()<double, MultigridPcg<double, double>>();
 }
 
 }  // namespace teletact::service

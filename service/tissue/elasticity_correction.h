@@ -14,6 +14,8 @@ namespace teletact::service {
 class ElasticityCorrection {
  public:
   virtual ~ElasticityCorrection() = default;
+  // Room for so many right-hand sides at once. All or nothing.
+  virtual void reserve(std::size_t count) = 0;
   // What a run needs of each right-hand side, [count][dof] or [count]; loads and residuals (N/m) vanish on
   // constrained unknowns.
   struct Problem {
@@ -33,8 +35,8 @@ class ElasticityCorrection {
   virtual std::vector<double> preconditioned(std::size_t count, std::span<const double> residual) = 0;
 };
 
-// Refers to the tissue. Capacity: the most right-hand sides of one run.
+// Refers to the tissue. Has no room yet.
 std::unique_ptr<ElasticityCorrection> make_elasticity_correction(Precision, const Queue&, const ScaledTissue&,
-                                                                 std::size_t capacity, const PcgOptions&);
+                                                                 const PcgOptions&);
 
 }  // namespace teletact::service

@@ -32,9 +32,9 @@ double norm(std::span<const double> v) {
   return std::sqrt(sum);
 }
 
-Material in_units(Material material, const Units& units) {
-  for (double& e : material.youngs_modulus_pa) e *= units.modulus;
-  return material;
+ScaledTissue in_units(ScaledTissue tissue, const Units& units) {
+  for (double& e : tissue.material.youngs_modulus_pa) e *= units.modulus;
+  return tissue;
 }
 
 bool finite(std::span<const double> v) {
@@ -93,12 +93,12 @@ void ElasticitySolver::reserve(std::size_t count) {
   pcg.max_iterations = options_.max_iterations;
   const Precision inner =
       options_.precision == SolvePrecision::kDouble ? Precision::kDouble : Precision::kFloat;
-  auto larger = make_elasticity_correction(inner, queue_, tissue_, count, pcg);
+  if (!correction_) correction_ = make_elasticity_correction(inner, queue_, tissue_, pcg);
   if (exact_) {
     exact_u_ = queue_.array<double>(count * dofs());
     exact_f_ = queue_.array<double>(count * dofs());
   }
-  correction_ = std::move(larger);
+  correction_->reserve(count);
   capacity_ = count;
 }
 
@@ -119,14 +119,14 @@ std::vector<double> ElasticitySolver::forces(Vectors u) {
 std::vector<double> ElasticitySolver::forces_in(const Units& units, Vectors u) {
   std::vector<double> force(u.size()), other_u(u.begin(), u.end());
   for (double& value : other_u) value *= units.length;
-  ScaledTissue other = tissue_;
-  other.material = in_units(std::move(other.material), units);
   if (exact_) {
+    std::unique_ptr<Elasticity<double>>& other = in_other_units_[units.modulus];
+    if (!other) other = std::make_unique<Elasticity<double>>(queue_, in_units(tissue_, units), units.length);
     queue_.send(exact_u_, other_u.data(), force.size());
-    Elasticity<double>(queue_, other, units.length)
-        .apply_unconstrained(exact_u_, exact_f_, u.size() / dofs());
+    other->apply_unconstrained(exact_u_, exact_f_, u.size() / dofs());
     queue_.read(exact_f_, force.data(), force.size());
   } else {
+    const ScaledTissue other = in_units(tissue_, units);
     apply_on_host(other.grid, other.material, u.size() / dofs(), other_u, force, units.length);
   }
   for (double& f : force) f *= (exact_ ? tissue_.reference_pa : 1) / (units.modulus * units.length);
@@ -233,7 +233,9 @@ std::vector<ElasticitySolver::Column> ElasticitySolver::solve_batch(std::size_t 
       if (!tissue_.free[dof] && (options_.prescribed.empty() || !options_.prescribed[dof]))
         u[begin + dof] = 0;
   const std::vector<double> load = loads.empty() ? std::vector<double>(u.size()) : masked(loads);
-  const std::vector<double> force = forces(u), norms = right_hand_norms(load, u, force);
+  const bool moved = std::any_of(u.begin(), u.end(), [](double value) { return value != 0; });
+  const std::vector<double> force = moved ? forces(u) : std::vector<double>(u.size());
+  const std::vector<double> norms = right_hand_norms(load, u, force);
   std::vector<Column> columns(count);
   std::vector<double> residual(u.size());
   refresh(load, u, force, residual, columns);
@@ -251,7 +253,7 @@ std::vector<ElasticitySolver::Column> ElasticitySolver::solve_batch(std::size_t 
       sound = sound && c.reason == StopReason::kConverged;
     }
     // Done, beyond help, or no longer improving.
-    if (options_.precision != SolvePrecision::kRefined || worst <= options_.relative_error || !sound) break;
+    if (options_.precision == SolvePrecision::kDouble || worst <= options_.relative_error || !sound) break;
     if (!(worst < last / 2)) break;
     last = worst;
   }

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <span>
 #include <vector>
@@ -58,9 +59,10 @@ class ElasticitySolver {
   //   displacement: [count][dof] (m), in: what is prescribed where `options.prescribed` says so, elsewhere
   //   the initial guess (zeros if unknown), out: the solution, zero on supports
   // The report holds the worst column: relative_error bounds ||error|| / ||solution|| in the energy norm with
-  // the rounding of the precision used, and is infinite where a run broke down; converged is false, and
-  // reason says why, when the tolerance was not reached. Throws std::invalid_argument for sizes that do not
-  // fit or values that are not finite.
+  // the rounding of the precision used, but for what rounding the stiffness in double leaves (about 1e-8 for
+  // a window of a scene), and is infinite where a run broke down; converged is false, and reason says why,
+  // when the tolerance was not reached. Throws std::invalid_argument for sizes that do not fit or values that
+  // are not finite.
   SolveReport solve(std::size_t count, std::span<const double> loads, std::span<double> displacement);
   // K u for all unknowns, [count][dof] (N/m): where a displacement is prescribed or supported, this less the
   // load there is the reaction, the force that holds it.
@@ -102,7 +104,8 @@ class ElasticitySolver {
   ScaledTissue tissue_;
   double smallest_eigenvalue_ = 0;  // of M K, the least seen
   std::size_t capacity_ = 0;
-  std::unique_ptr<Elasticity<double>> exact_;  // none on a device without double
+  std::unique_ptr<Elasticity<double>> exact_;                             // none on a device without double
+  std::map<double, std::unique_ptr<Elasticity<double>>> in_other_units_;  // by Units::modulus
   Array<double> exact_u_, exact_f_;
   std::unique_ptr<ElasticityCorrection> correction_;
 };

@@ -305,19 +305,21 @@ std::shared_ptr<Compliance> TissueModel::ready(std::size_t row, const std::share
 }
 
 void warm_iterative(const std::shared_ptr<Device>& device) {
-  constexpr std::size_t kColumns = 120, kRows = 33;
-  const TissueGrid grid{uniform_coordinates(0, 0.120, kColumns), uniform_coordinates(0, 0.040, kRows)};
+  constexpr std::size_t kColumns = 120;
   std::vector<double> poisson_ratios{0.49};
   if (!device->info().has_double) poisson_ratios.push_back(0.499);  // refined
-  for (const double poisson_ratio : poisson_ratios) {
-    const Material material{std::vector<double>(grid.elements(), 10e3), poisson_ratio};
-    const TissueModel model(grid, material, {}, {});
-    for (const std::size_t count : {1, 2}) {  // right-hand sides
-      std::vector<std::size_t> nodes(count);
-      for (std::size_t n = 0; n < count; ++n) nodes[n] = kColumns / 2 + 2 * n + count;
-      model.compliance(0, device)->axial_among(nodes, nullptr);
+  for (const std::size_t rows : {33, 20})                           // by multigrid; narrow
+    for (const double poisson_ratio : poisson_ratios) {
+      const TissueGrid grid{uniform_coordinates(0, 0.120, kColumns),
+                            uniform_coordinates(0, 0.0012 * double(rows), rows)};
+      const Material material{std::vector<double>(grid.elements(), 10e3), poisson_ratio};
+      const TissueModel model(grid, material, {}, {});
+      for (const std::size_t count : {1, 2}) {  // right-hand sides
+        std::vector<std::size_t> nodes(count);
+        for (std::size_t n = 0; n < count; ++n) nodes[n] = kColumns / 2 + 2 * n + count;
+        model.compliance(0, device)->axial_among(nodes, nullptr);
+      }
     }
-  }
 }
 
 }  // namespace teletact::service
