@@ -349,7 +349,7 @@ void add_recording_options(CLI::App& command, AcquireArguments& arguments) {
 
 // What is otherwise with slices, unless it is given.
 void prefer_slices(const CLI::App& command, AcquireArguments& arguments) {
-  constexpr double kTimeLimitS = 20;
+  constexpr double kTimeLimitS = 10;
   AcquireOptions& acquire = arguments.acquire;
   if (command.count("--modulus-time-limit-s") == 0) acquire.modulus_time_limit_s = kTimeLimitS;
   if (command.count("--refresh-after-s") == 0) acquire.planner.refresh_after_s = HUGE_VAL;
