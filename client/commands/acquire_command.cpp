@@ -87,7 +87,6 @@ void open_scene(v1::Palpation::Stub& palpation, const std::string& scene_id, con
   geometry.set_poisson_ratio(tissue.poisson_ratio);
   geometry.set_has_poisson_ratio(true);
   geometry.set_thickness_m(tissue.thickness_m);
-  geometry.set_linear(true);
   v1::Scene scene;
   grpc::ClientContext create;
   name_scene(create, scene_id);

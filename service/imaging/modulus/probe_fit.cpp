@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/tissue_words.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -31,21 +32,21 @@ constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
 constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image shows
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 
-constexpr double kFarFromStated = 3;  // deviations of it: that is another start
+constexpr double kFarFromStated = 3;   // deviations of it: that is another start
+constexpr double kNear = kLinear / 2;  // of ln of elevation and depth: no long step
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
 constexpr double kLeastWeight = 0.01;    // of a tissue that counts
 constexpr std::size_t kMostBetween = 4;  // changes that tissues differ by: a fifth brings under 1 % more
-constexpr double kSure = 0.9;            // weight: no other tissue is named
+constexpr std::size_t kMostChanges = 8;  // of what each leaves open of itself
 constexpr double kSpreadOfDepth = 0.29;  // deviation of the cells' depth, in images
 
 constexpr double kWellExplained = 0.08;  // of the strain, unexplained
 // Standard deviation of ln E where other tissue was not tried: tissue that ends 0.5 to 0.75 depths beside
 // the probe reads 0.79 to 0.89 of the truth, what ends nearer less.
 constexpr double kUnweighedLog = 0.3;
-// Change of ln E from the face to the bottom of the image: less is not worth a word, more is no tissue.
-constexpr double kNotedGrading = 0.2, kMaxGrading = 1.1;
+constexpr double kMaxGrading = 1.1;  // of ln E from the face to the bottom of the image: more is no tissue
 
 // The depth at which the tissue begins, where what the image shows above it was not tracked.
 double top_of(const Measured& m) {
@@ -74,6 +75,25 @@ KnownLength depth_known(const TissueExtent& tissue, double depth_m, double image
           std::max(high, log)};
 }
 
+MatrixXd columns_of(const std::vector<VectorXd>& fields) {
+  MatrixXd out(fields[0].size(), std::ssize(fields));
+  for (Index n = 0; const VectorXd& field : fields) out.col(n++) = field;
+  return out;
+}
+
+TissueWindow nothing_stated(TissueWindow w) {
+  TissueExtent nothing;
+  nothing.depth_stated = false;
+  w.elevation = elevation_known(nothing, 0), w.depth = depth_known(nothing, 0, w.face.image_depth_m);
+  return w;
+}
+
+bool contradicted_by_reference(const WeighedTissues& start) {
+  const CandidateTissue& m = start.models[0];
+  return start.window.elevation.contradicted(m.face.elevation_m * std::exp(m.fit.at[kElevation])) ||
+         start.window.depth.contradicted(m.face.depth_m * std::exp(m.fit.at[kDepth]));
+}
+
 // Cells that tell no modulus: near the face, and where homogeneous tissue hardly strains.
 void leave_out(const VectorXd& log_strain, const CellGrid& cells, VectorXd& observed) {
   std::vector<double> values(log_strain.begin(), log_strain.end());
@@ -90,14 +110,40 @@ ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::s
     : queue_(queue), strips_(strips), weigher_(queue, strain, std::move(strips)) {}
 
 int ProbeFitter::max_solves(FitEffort effort) {
-  const bool all = effort != FitEffort::kUsual;
-  const int starts = effort == FitEffort::kAllStarts ? 3
-                     : all                           ? 2
-                                                     : 1,
-            coarse =
-                starts * TissueWeigher::max_coarse_solves(all) +
-                (all ? TissueWeigher::max_coarse_solves_of_reference() + kSkinSolves * kCoarsePerSolve : 0);
+  const bool all = effort != FitEffort::kUsual, others = effort == FitEffort::kAllStarts;
+  const int coarse = kCoarsePerSolve * (all ? 1 + kSkinSolves : 1) +
+                     (others ? 3 : 1) * TissueWeigher::max_coarse_solves(all) +
+                     (others ? TissueWeigher::max_coarse_solves_of_reference() : 0);
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
+}
+
+// Whether what is stated may be wrong by more than is linear: without it the strain asks for a long step.
+bool ProbeFitter::may_be_astray(const WeighedTissues& start) const {
+  if (!start.window.elevation.stated && !start.window.depth.stated) return false;
+  CandidateTissue here = start.models[0];
+  weigher_.fit(nothing_stated(start.window), here, 0);
+  return std::max(std::abs(here.fit.at[kElevation]), std::abs(here.fit.at[kDepth])) > kNear;
+}
+
+// Where the tissue is then, if that is far, and what is stated does not lead back from there.
+std::optional<ProbeFace> ProbeFitter::far_from_stated(const TissueWindow& stated,
+                                                      const WeighedTissues& start) {
+  const auto far = [](const KnownLength& known, double at_m) {
+    return known.stated && std::abs(std::log(at_m) - known.log) > kFarFromStated * known.deviation;
+  };
+  TissueWindow open = nothing_stated(start.window), back = stated;
+  ProbeFace face = start.models[0].face;
+  face.elevation_m = std::exp(open.elevation.log), face.depth_m = std::exp(open.depth.log);
+  try {
+    face = weigher_.reference(open, face, kRoundsOfReference).face;
+    if (!far(stated.elevation, face.elevation_m) && !far(stated.depth, face.depth_m)) return {};
+    const bool leads_back =
+        apart(weigher_.reference(back, face, kRoundsOfReference), start.models[0]) < kOtherLength;
+    if (leads_back && !contradicted_by_reference(start)) return {};
+    return face;
+  } catch (const std::invalid_argument&) {  // beyond what is modelled
+    return {};
+  }
 }
 
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign, FitEffort effort) {
@@ -128,7 +174,9 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
 
   const bool all = effort != FitEffort::kUsual;
   w.as_stated = !all;
-  if (all) w.by_skin = weigher_.skin(usual(w), w.cells);
+  const FineAnswer& fine = weigher_.fine(usual(w), all);
+  w.finer = fine.finer;
+  if (all) w.by_skin = *fine.skin;
   std::vector<WeighedTissues> starts{weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
   bool untried = !all;
   if (all) {
@@ -138,24 +186,13 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       } catch (const std::invalid_argument&) {  // that face is beyond what is modelled
       }
     };
-    // What is stated may be wrong by more than is linear: from where it would be if nothing were stated.
-    if (w.elevation.stated || w.depth.stated) {
-      TissueExtent nothing = in.tissue;
-      nothing.depth_stated = false;
-      TissueWindow open = w;
-      open.elevation = elevation_known(nothing, 0), open.depth = depth_known(nothing, depth_m, image_m);
-      const auto far = [](const KnownLength& stated, double at_m) {
-        return stated.stated && std::abs(std::log(at_m) - stated.log) > kFarFromStated * stated.deviation;
-      };
-      try {
-        const ProbeFace free = weigher_.reference(open, usual(open), kRoundsOfReference).face;
-        if (far(w.elevation, free.elevation_m) || far(w.depth, free.depth_m)) from(free, kRoundsOfReference);
-      } catch (const std::invalid_argument&) {
-      }
-    }
+    const bool astray = may_be_astray(starts[0]);
+    if (astray && effort == FitEffort::kAllStarts)
+      if (const std::optional<ProbeFace> free = far_from_stated(w, starts[0]))
+        from(*free, kRoundsOfReference);
     // Tissue that ends may be shallower than is stated where tissue that goes on is not.
     const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarFromStated * w.depth.deviation;
-    untried = deep && effort != FitEffort::kAllStarts;
+    untried = (deep || astray) && effort != FitEffort::kAllStarts;
     if (deep && effort == FitEffort::kAllStarts) {
       ProbeFace shallow = usual(w);
       shallow.depth_m = image_m;
@@ -192,25 +229,21 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
 ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const ModulusInput& in, double sign,
                               bool all, bool untried) {
   // By kind: what ends here or there ends.
-  struct Kind {
-    const CandidateTissue* of;
-    const TissueWindow* window;
-    double weight;
-  };
-  std::map<std::array<int, 3>, Kind> kinds;
+  std::map<std::array<int, 3>, WeighedKind> kinds;
   for (int start = 0; const WeighedTissues& weighed : starts) {
     for (const CandidateTissue& m : weighed.models) {
       const auto [ends, slides] = kind_of(m);
-      Kind& kind = kinds.try_emplace({ends, slides, start}, Kind{&m, &weighed.window, 0}).first->second;
+      WeighedKind& kind =
+          kinds.try_emplace({ends, slides, start}, WeighedKind{&m, &weighed.window, 0}).first->second;
       kind.weight += m.weight;
       if (m.weight > kind.of->weight) kind.of = &m;
     }
     ++start;
   }
-  std::vector<Kind> order;
+  std::vector<WeighedKind> order;
   order.reserve(kinds.size());
   for (const auto& [_, kind] : kinds) order.push_back(kind);
-  std::ranges::sort(order, std::ranges::greater{}, [](const Kind& k) { return k.weight; });
+  std::ranges::sort(order, std::ranges::greater{}, [](const WeighedKind& k) { return k.weight; });
   const CandidateTissue& likeliest = *order[0].of;
   const TissueWindow& w = *order[0].window;
 
@@ -232,7 +265,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
 
   // Of a face on tissue that goes on, about the same for all.
   double log_share = 0;
-  if (in.force && std::ranges::any_of(order, [](const Kind& kind) {
+  if (in.force && std::ranges::any_of(order, [](const WeighedKind& kind) {
         return kind.of->face.goes_on() && kind.weight > kLeastWeight;
       }))
     log_share = std::log(out.face.goes_on() ? out.tissue->force_share()
@@ -293,47 +326,53 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
     for (std::size_t k = 0; k < kSkinChanges; ++k) away += (skin_of(m, k) - skin[k]) * skin_cells(cells, k);
     differing.push_back(std::sqrt(m.weight) * away);
   });
-  MatrixXd apart(static_cast<Index>(cells.size()), std::ssize(differing));
-  for (Index n = 0; const VectorXd& away : differing) apart.col(n++) = away;
+  const MatrixXd apart = columns_of(differing);
   out.between = apart.rowwise().norm();
   out.between_modes = principal(apart, kMostBetween);
-  // And what the likeliest leaves open of itself; of a block, whose length alone bears the force, that.
-  if (likeliest.block && in.force)
-    out.changes.push_back(VectorXd::Constant(static_cast<Index>(cells.size()), w.elevation.deviation));
-  std::vector<VectorXd> by;  // in the order of the fit's columns
-  if (!likeliest.block)
-    for (const auto& [of_strain, of_force] :
-         {std::pair(&w.by_elevation, w.force_by_elevation), std::pair(&w.by_depth, w.force_by_depth)})
-      by.push_back(in_cells(of_modulus(*of_strain, of_force)));
-  const bool fitted_all = all && !likeliest.block;
-  if (fitted_all && likeliest.by_beside.size())
-    by.push_back(in_cells(of_modulus(likeliest.by_beside, likeliest.force_by_beside)));
-  for (std::size_t k = 0; k < kSkinChanges; ++k) {
-    by.push_back(skin_cells(cells, k));
-    if (likeliest.with_skin)
-      by.back() += in_cells(of_modulus(w.by_skin.log_strain[k], w.by_skin.log_force[k]));
-  }
-  const auto count = static_cast<Index>(by.size()), skins = static_cast<Index>(kSkinChanges);
-  MatrixXd covariance = MatrixXd::Zero(count, count);
-  if (likeliest.with_skin) {
-    covariance = likeliest.with_skin->covariance.block(kElevation, kElevation, count, count);
-  } else {
-    const Index lengths = count - skins;
-    if (fitted_all)
-      covariance.topLeftCorner(lengths, lengths) =
-          likeliest.fit.covariance.block(kElevation, kElevation, lengths, lengths);
-    else if (!likeliest.block)
-      covariance(0, 0) = squared(w.elevation.deviation), covariance(1, 1) = squared(w.depth.deviation);
-    for (Index k = 0; k < skins; ++k)
-      covariance(lengths + k, lengths + k) = squared(w.skin.deviation[static_cast<std::size_t>(k)]);
-  }
-  const MatrixXd root = covariance.llt().matrixL();
-  for (Index k = 0; k < count; ++k) {
-    VectorXd change = VectorXd::Zero(static_cast<Index>(cells.size()));
-    for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
-    out.changes.push_back(std::move(change));
-  }
-  out.common_log = likeliest.block || out.face.goes_on() ? kCommonLog : kCommonLogOfSides;
+  // And what each leaves open of itself; a block, whose length alone bears the force, that.
+  std::vector<VectorXd> own;
+  double common = 0;
+  const auto skins = static_cast<Index>(kSkinChanges);
+  each([&](const TissueWindow& about, const CandidateTissue& m) {
+    const double share = m.weight / weights;
+    common += share * squared(m.block || m.face.goes_on() ? kCommonLog : kCommonLogOfSides);
+    if (m.block && in.force)
+      own.push_back(
+          VectorXd::Constant(static_cast<Index>(cells.size()), std::sqrt(share) * about.elevation.deviation));
+    std::vector<VectorXd> by;  // in the order of the fit's columns
+    if (!m.block)
+      by = {in_cells(of_modulus(about.by_elevation, about.force_by_elevation)),
+            in_cells(of_modulus(about.by_depth, about.force_by_depth))};
+    if (!m.block && all && m.by_beside.size())
+      by.push_back(in_cells(of_modulus(m.by_beside, m.force_by_beside)));
+    const auto lengths = static_cast<Index>(by.size()), count = lengths + skins;
+    for (std::size_t k = 0; k < kSkinChanges; ++k) {
+      by.push_back(skin_cells(cells, k));
+      if (m.with_skin)
+        by.back() += in_cells(of_modulus(about.by_skin.log_strain[k], about.by_skin.log_force[k]));
+    }
+    MatrixXd covariance = MatrixXd::Zero(count, count);
+    if (m.with_skin) {
+      covariance = m.with_skin->covariance.block(kElevation, kElevation, count, count);
+    } else {
+      if (all && !m.block)
+        covariance.topLeftCorner(lengths, lengths) =
+            m.fit.covariance.block(kElevation, kElevation, lengths, lengths);
+      else if (!m.block)
+        covariance(0, 0) = squared(about.elevation.deviation),
+                      covariance(1, 1) = squared(about.depth.deviation);
+      for (Index k = 0; k < skins; ++k)
+        covariance(lengths + k, lengths + k) = squared(about.skin.deviation[static_cast<std::size_t>(k)]);
+    }
+    const MatrixXd root = covariance.llt().matrixL();
+    for (Index k = 0; k < count; ++k) {
+      VectorXd change = VectorXd::Zero(static_cast<Index>(cells.size()));
+      for (Index l = k; l < count; ++l) change += root(l, k) * by[static_cast<std::size_t>(l)];
+      own.push_back(std::sqrt(share) * change);
+    }
+  });
+  out.changes = principal(columns_of(own), kMostChanges);
+  out.common_log = std::sqrt(common);
   const double grading = all ? likeliest.fit.at[kGrading] : 0;
   out.rest = std::abs(grading) < kMaxGrading ? likeliest.fit.rest
                                              : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);
@@ -342,52 +381,8 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   // Nor was it where the face is tilted so much.
   const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
   if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);
-  const auto fitted = [&](double at_m, Index column) {
-    return all && !likeliest.block ? at_m * std::exp(likeliest.fit.at[column]) : at_m;
-  };
-  const double elevation_m = fitted(out.face.elevation_m, kElevation),
-               depth_m = fitted(out.face.depth_m, kDepth);
-  const auto contradicts = [&](const KnownLength& known, double at_m, const char* what) {
-    if (!known.contradicted(at_m)) return;
-    out.contradicted +=
-        fmt::format("{}{} is stated as {:.1f} mm, but the strain shows {:.1f} mm",
-                    out.contradicted.empty() ? "" : "; ", what, 1e3 * std::exp(known.log), 1e3 * at_m);
-  };
-  contradicts(w.elevation, elevation_m, "the face's length across the image");
-  if (!likeliest.block) contradicts(w.depth, depth_m, "the tissue's depth");
+  put_into_words(order, all, grading, out);
   if (!out.contradicted.empty()) out.common_log = std::hypot(out.common_log, kContradictedLog);
-
-  const auto origin = [&](const KnownLength& of, double at_m) {
-    return of.contradicted(at_m) ? fmt::format("stated as {:.1f}", 1e3 * std::exp(of.log))
-                                 : std::string(of.stated      ? "stated"
-                                               : out.as_usual ? "usual"
-                                                              : "fitted");
-  };
-  const auto words_of = [&likeliest](const CandidateTissue& m) -> std::string {
-    if (m.block) return "is a block as wide as the probe, its bottom unseen";
-    const std::string end = m.face.goes_on() ? "continues beside the probe"
-                            : m.face.beside_m > 0
-                                ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
-                                : "is as wide as the probe";
-    const bool other_depth = std::abs(std::log(m.face.depth_m / likeliest.face.depth_m)) > kOtherLength;
-    return end + (m.face.slides ? " and slides on its support" : "") +
-           (other_depth ? fmt::format(" and is {:.0f} mm deep", 1e3 * m.face.depth_m) : "");
-  };
-  std::string tissue = words_of(likeliest);
-  if (order[0].weight < kSure)
-    tissue += fmt::format(" (weight {:.2f}; or {}: {:.2f})", order[0].weight, words_of(*order[1].of),
-                          order[1].weight);
-  const std::string deep =
-      likeliest.block ? "" : fmt::format(" {:.0f} mm deep ({})", 1e3 * depth_m, origin(w.depth, depth_m));
-  out.words = fmt::format(
-      "solid tissue{} that {}, under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the strain unexplained "
-      "where it is homogeneous",
-      deep, tissue, 1e3 * out.face.width_m, 1e3 * elevation_m, origin(w.elevation, elevation_m),
-      100 * out.rest);
-  if (std::abs(grading) > kNotedGrading)
-    out.words +=
-        fmt::format("; its modulus {} by a factor of {:.1f} from the face to the bottom of the image",
-                    grading < 0 ? "falls" : "rises", std::exp(std::abs(grading)));
   return out;
 }
 

@@ -15,7 +15,8 @@
 namespace teletact::service {
 
 // What is tried, decided before the first solve: tissue that goes on beside the probe under a face as stated
-// or usual; or all; or all from shallower tissue, too.
+// or usual; or all that it may be, about that; or all from where the strain alone leads and from shallower
+// tissue, too.
 enum class FitEffort { kUsual, kWeighed, kAllStarts };
 
 // Cells are those of `tissue`.
@@ -27,8 +28,7 @@ struct ProbeFit {
   Eigen::VectorXd by_tilt;   // d ln(strain) per unit of tilt
   double lateral_ratio = 0;  // - lateral over axial strain, median
   // What ln E is beyond that of the likeliest tissue, in the mean over all by their weights; the root of its
-  // variance between them; and its change by one standard deviation of each thing that the likeliest leaves
-  // open of itself.
+  // variance between them; and its changes by one standard deviation of what each leaves open of itself.
   Eigen::VectorXd shift, between;
   std::vector<Eigen::VectorXd>
       between_modes;     // of which, but for little, `between` is the root of the squares
@@ -55,6 +55,8 @@ class ProbeFitter {
   void forget() { kept_.reset(), weigher_.forget(); }
 
  private:
+  bool may_be_astray(const WeighedTissues& start) const;
+  std::optional<ProbeFace> far_from_stated(const TissueWindow& stated, const WeighedTissues& start);
   ProbeFit publish(const std::vector<WeighedTissues>& starts, const ModulusInput&, double sign, bool all,
                    bool untried);
   Queue queue_;

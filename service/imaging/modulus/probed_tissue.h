@@ -60,6 +60,10 @@ class ProbedTissue {
   // without any, it does not change; beside the cells mirrored, then the row's mean; below them the last
   // row's.
   virtual Response push(const Eigen::VectorXd& log_modulus, double tilt = 0, const Planes& beside = {}) = 0;
+  // The same after a push that differed little, from whose answer fewer iterations find it.
+  virtual Response push_again(const Eigen::VectorXd& log_modulus, double tilt, const Planes& beside) {
+    return push(log_modulus, tilt, beside);
+  }
   Response push_homogeneous(double tilt = 0) {
     return push(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size())), tilt);
   }

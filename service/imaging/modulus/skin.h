@@ -6,7 +6,6 @@
 #include <array>
 #include <cstddef>
 
-#include "service/device/queue.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/tracking/measured.h"
 
@@ -29,9 +28,11 @@ struct SkinAnswer {
   std::array<double, kSkinChanges> log_force;
 };
 
-// In the cells `at`, by kSkinSolves pushes of fine cells. Throws as make_probed_solid().
-SkinAnswer skin_answer(const Queue&, const StrainOptions&, const ProbeFace&, const CellGrid& at);
-inline constexpr int kSkinSolves = static_cast<int>(kSkinLayers) + 1;
+// In the cells `at`, of homogeneous tissue that answers by `log_strain` and `log_force` in its own, by
+// kSkinSolves pushes. Throws as push().
+SkinAnswer skin_answer(ProbedTissue&, const Eigen::VectorXd& log_strain, double log_force,
+                       const StrainOptions&, const CellGrid& at);
+inline constexpr int kSkinSolves = static_cast<int>(kSkinLayers);
 
 // 1 in the layers that the change is of, else 0.
 Eigen::VectorXd skin_cells(const CellGrid&, std::size_t change);

@@ -127,14 +127,14 @@ class SolidModulusMethod : public ModulusMethod {
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
     const auto affords = [&](FitEffort effort) {
-      return in.budget.solves >= ProbeFitter::max_solves(effort) + kMaxSteps + kForceSolves;
+      return in.budget.solves >= ProbeFitter::max_solves(effort) + solves_of(kMaxSteps + kForcePushes);
     };
     const FitEffort effort = affords(FitEffort::kAllStarts) ? FitEffort::kAllStarts
                              : affords(FitEffort::kWeighed) ? FitEffort::kWeighed
                                                             : FitEffort::kUsual;
     // By what the fit may solve, not by what it did: that depends on what is kept of the pair before.
-    const int steps =
-        std::clamp(in.budget.solves - ProbeFitter::max_solves(effort) - kForceSolves, 1, kMaxSteps);
+    const int left = std::min(in.budget.solves - ProbeFitter::max_solves(effort) - 1, kMaxSteps),
+              steps = std::clamp(kPushesPerSolve * left - kForcePushes, 1, kMaxSteps);
     const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1, effort);
     out.solves = fit.solves;
     out.lateral_ratio = fit.lateral_ratio;
@@ -171,7 +171,9 @@ class SolidModulusMethod : public ModulusMethod {
   void forget() override { fitter_.forget(); }
 
  private:
-  static constexpr int kMaxSteps = 12, kForceSolves = 2;
+  static constexpr int kMaxSteps = 12, kForcePushes = 2;
+  static constexpr int kPushesPerSolve = 2;  // of those that begin at the last one's solution
+  static int solves_of(int pushes) { return 1 + pushes / kPushesPerSolve; }
   // Rms change of log E over the cells: what ends the steps, and what is settled where they run out.
   static constexpr double kLastStep = 0.004, kConvergedStep = 0.01;
 
@@ -183,10 +185,12 @@ class SolidModulusMethod : public ModulusMethod {
   };
 
   static ProbedTissue::Response pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
-                                       const ProbedTissue::Planes& beside) {
+                                       const ProbedTissue::Planes& beside, bool again) {
     const VectorXd with_skin = theta + fit.skin;
     auto planes = planes_between(with_shared_lumps(beside, with_skin), with_skin, *fit.tissue);
-    return fit.tissue->push(with_skin, tilt, planes_beyond(std::move(planes), with_skin, *fit.tissue));
+    planes = planes_beyond(std::move(planes), with_skin, *fit.tissue);
+    return again ? fit.tissue->push_again(with_skin, tilt, planes)
+                 : fit.tissue->push(with_skin, tilt, planes);
   }
 
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
@@ -212,11 +216,12 @@ class SolidModulusMethod : public ModulusMethod {
     while (out.iterations < steps) {
       check_cancelled();
       // First without the others, which hold up what this slice has not been given yet.
+      const bool first = out.iterations == 0, differs_little = out.iterations > (beside.empty() ? 0 : 1);
       ProbedTissue::Response response;
       try {
-        response = pushed(fit, theta, tilt, out.iterations == 0 ? ProbedTissue::Planes{} : beside);
+        response = pushed(fit, theta, tilt, first ? ProbedTissue::Planes{} : beside, differs_little);
       } catch (const std::invalid_argument&) {  // a map of noise may be
-        if (out.iterations == 0) throw;
+        if (first) throw;
         theta = solved, tilt = solved_tilt, too_uneven = true, out.converged = false;
         break;
       }
@@ -253,9 +258,9 @@ class SolidModulusMethod : public ModulusMethod {
       out.converged = change < kConvergedStep;
       if (change < kLastStep) break;
     }
-    out.solves += out.iterations;
+    int pushes = out.iterations;
     const auto force_of = [&](const VectorXd& map) {
-      ++out.solves;
+      ++pushes;
       return force_with(fit, map, tilt, observed, beside);
     };
     bool stiff = theta.maxCoeff() > kStiffLog;
@@ -288,6 +293,7 @@ class SolidModulusMethod : public ModulusMethod {
             100 * static_cast<double>((theta.array() > kStiffLog).count()) /
                 static_cast<double>(theta.size()));
     }
+    out.solves += solves_of(pushes);
     found.own_deviation = denoise.deviation(observed, theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
@@ -343,7 +349,7 @@ class SolidModulusMethod : public ModulusMethod {
   // The probe's force, N, under the push that leaves as much strain as was measured.
   double force_with(const ProbeFit& fit, const VectorXd& theta, double tilt, const VectorXd& observed,
                     const ProbedTissue::Planes& beside) const {
-    const auto response = pushed(fit, theta, tilt, beside);
+    const auto response = pushed(fit, theta, tilt, beside, true);
     const VectorXd strain = -as_measured(response.axial_strain, fit.tissue->cells(), strain_);
     VectorXd residual = VectorXd::Zero(theta.size());
     for (Index c = 0; c < theta.size(); ++c)

@@ -57,17 +57,15 @@ void TissueWeigher::begin() {
   coarse_solves_ = 0;
 }
 
-const TissueAnswer& TissueWeigher::answer(ProbeFace face, bool tilted, double cell_m) {
+const TissueAnswer& TissueWeigher::answer(ProbeFace face, bool tilted) {
   face.depth_m = std::max(face.depth_m, face.image_depth_m);  // so that the cells are those of the image
   for (const auto& known : answers_)
-    if (known->face == face && !known->block && known->cell_m == cell_m && (!tilted || known->by_tilt.size()))
-      return *known;
+    if (known->face == face && !known->block && (!tilted || known->by_tilt.size())) return *known;
   check_cancelled();
   // One that fails counts as well.
-  coarse_solves_ += (tilted ? 2 : 1) * (cell_m == kCoarseCellM ? 1 : kCoarsePerSolve);
-  const auto tissue = make_probed_solid(queue_, face, cell_m);
+  coarse_solves_ += tilted ? 2 : 1;
+  const auto tissue = make_probed_solid(queue_, face, kCoarseCellM);
   TissueAnswer out = answer_of(*tissue, face);
-  out.cell_m = cell_m;
   if (tilted) {
     const VectorXd more =
         -as_measured(tissue->push_homogeneous(kTiltStep).axial_strain, tissue->cells(), strain_);
@@ -87,9 +85,18 @@ const TissueAnswer& TissueWeigher::block_answer(const ProbeFace& face, const Cel
   return keep(std::move(out));
 }
 
-SkinAnswer TissueWeigher::skin(const ProbeFace& face, const CellGrid& at) {
-  coarse_solves_ += kSkinSolves * kCoarsePerSolve;
-  return skin_answer(queue_, strain_, face, at);
+const FineAnswer& TissueWeigher::fine(const ProbeFace& face, bool with_skin) {
+  if (fine_ && fine_->face == face && (!with_skin || fine_->skin)) return *fine_;
+  const TissueAnswer& coarse = answer(face, true);
+  check_cancelled();
+  coarse_solves_ += kCoarsePerSolve * (with_skin ? 1 + kSkinSolves : 1);
+  const auto tissue = make_probed_solid(queue_, face);
+  const TissueAnswer level = answer_of(*tissue, face);
+  FineAnswer out{face, sampled(level.log_strain, level.cells, coarse.cells) - coarse.log_strain, {}};
+  if (with_skin) out.skin = skin_answer(*tissue, level.log_strain, level.log_force, strain_, coarse.cells);
+  const std::uint64_t values = coarse.cells.size() * (with_skin ? 1 + kSkinChanges : 1);
+  out.held = queue_.account().charge(Place::kHost, "tissues", sizeof(out) + sizeof(double) * values);
+  return fine_.emplace(std::move(out));
 }
 
 TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& face) const {
@@ -102,7 +109,6 @@ TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& fac
   if (sizes.empty()) throw std::invalid_argument("tissue_depth_m: no strain reaches the image; check it");
   return {face,
           false,
-          kCoarseCellM,
           tissue.cells(),
           strain.cwiseMax(kLeastStrain * median(sizes)).array().log(),
           std::log(level.force_n),
@@ -185,7 +191,6 @@ void TissueWeigher::settle(const TissueWindow& w, CandidateTissue& m, int rounds
 
 // Tissue that goes on, to where it is linear.
 CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start, int rounds) {
-  const TissueAnswer& fine = answer(start, false, kFineCellM);
   CandidateTissue out{start};
   const auto linear = [&] {
     w.face = out.face;
@@ -210,7 +215,6 @@ CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start
     by(&ProbeFace::depth_m, w.by_depth, w.force_by_depth);
   };
   linear();
-  w.finer = sampled(fine.log_strain, fine.cells, w.cells) - out.answer->log_strain;
   for (int round = 1;; ++round) {
     fit(w, out, 0);
     if (round == rounds) return out;
@@ -246,6 +250,14 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<Candidate
     } catch (const std::invalid_argument&) {  // beyond what is modelled
     }
   };
+  // Of the odds so far, at the scale of what the best leaves.
+  const auto far_behind = [&](CandidateTissue& last) {
+    fit(w, last, 0);
+    double best = -HUGE_VAL, rest = HUGE_VAL;
+    for (const CandidateTissue& m : models) rest = std::min(rest, m.fit.rest);
+    for (CandidateTissue& m : models) fit(w, m, std::hypot(rest, kModelLog)), best = std::max(best, m.odds());
+    return last.odds() < best - kWorthless;
+  };
   const auto with = [&](double beside_m, bool slides, double step_m = 0) {
     CandidateTissue model{w.face};
     model.face.beside_m = model.place_m = beside_m, model.face.slides = slides, model.step_m = step_m;
@@ -262,25 +274,35 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<Candidate
       if (stated && !wide) consider(with(stated_m, slides), kBesideAsStated * of_support);
       continue;
     }
-    const std::size_t first = models.size(), last = first + kBesideDepths.size() - 1;
-    for (std::size_t k = 0; k < kBesideDepths.size(); ++k) {
+    // From the outermost inwards, until one explains less than the next outer one and far less than the best.
+    const std::size_t first = models.size();
+    for (std::size_t k = kBesideDepths.size(); k-- > 0;) {
       const bool inner = k + 1 < kBesideDepths.size();
       const double way =
           k > 0 ? (kBesideDepths[inner ? k + 1 : k] - kBesideDepths[k - 1]) / (inner ? 2 : 1) : 0;
+      const std::size_t count = models.size();
       consider(with(w.face.depth_m * kBesideDepths[k], slides, w.face.depth_m * way),
                end * of_support * others);
+      if (models.size() == count) continue;
+      const bool far = far_behind(models.back()), reached = !stated || models.back().place_m <= stated_m;
+      if (far && reached && count > first && models[count].odds() < models[count - 1].odds()) break;
     }
-    // As wide as the probe is cut so: the first place stays.
-    for (std::size_t k = first + 1; models.size() == last + 1 && k <= last; ++k) {
-      const CandidateTissue &before = models[k - 1], &after = models[std::min(k + 1, last)];
+    const auto first_place = models.begin() + static_cast<std::ptrdiff_t>(first);
+    std::reverse(first_place, models.end());
+    const std::size_t last = models.size() - 1;
+    // As wide as the probe is cut so: that place stays.
+    for (std::size_t k = first; k < models.size() && last > first; ++k) {
+      if (!(models[k].step_m > 0)) continue;
+      const CandidateTissue &before = models[std::max(k, first + 1) - 1],
+                            &after = models[std::min(k + 1, last)];
       const double steps = (after.face.beside_m - before.face.beside_m) / models[k].step_m;
       models[k].by_beside = (after.answer->log_strain - before.answer->log_strain) / steps;
       models[k].force_by_beside = (after.answer->log_force - before.answer->log_force) / steps;
     }
-    if (!stated || wide || models.size() != last + 1) continue;
+    if (!stated || wide || last <= first) continue;
     // Its deviation moves it as the nearest place's step would.
     const CandidateTissue& near =
-        *std::ranges::min_element(models.begin() + static_cast<std::ptrdiff_t>(first) + 1, models.end(), {},
+        *std::ranges::min_element(first_place + (models[first].step_m > 0 ? 0 : 1), models.end(), {},
                                   [&](const CandidateTissue& m) { return std::abs(m.place_m - stated_m); });
     const double std_m = w.beside_std_m > 0 ? w.beside_std_m : kLogStated * stated_m;
     CandidateTissue as_stated = with(stated_m, slides, std_m / kOfGridStep);
@@ -305,32 +327,26 @@ WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start,
 }
 
 int TissueWeigher::max_coarse_solves_of_reference() {
-  // Fine; level, tilted and two neighbours, or four; and where it moves to.
-  return kCoarsePerSolve + 6 + 7 * (kRoundsOfReference - 1);
+  // Level, tilted and two neighbours, or four; and where it moves to.
+  return 6 + 7 * (kRoundsOfReference - 1);
 }
 
 int TissueWeigher::max_coarse_solves(bool all) {
   constexpr int kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1);
   return all ? max_coarse_solves_of_reference() + kCoarsePerSolve + kOthers + (1 + kOthers) * kRoundsOfOthers
-             : kCoarsePerSolve + 6;
+             : 6;
 }
 
 std::array<int, 2> kind_of(const CandidateTissue& m) {
   return {m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2, m.face.slides};
 }
 
-namespace {
-
-// Whether the fits of one kind lead to the same face and depth.
-bool leads_alike(const CandidateTissue& a, const CandidateTissue& b) {
-  const auto apart = [&](double ProbeFace::*length, Index column) {
+double apart(const CandidateTissue& a, const CandidateTissue& b) {
+  const auto of = [&](double ProbeFace::*length, Index column) {
     return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
   };
-  return a.block || std::max(apart(&ProbeFace::elevation_m, kElevation), apart(&ProbeFace::depth_m, kDepth)) <
-                        kOtherLength;
+  return std::max(of(&ProbeFace::elevation_m, kElevation), of(&ProbeFace::depth_m, kDepth));
 }
-
-}  // namespace
 
 void weigh_together(std::vector<WeighedTissues>& starts) {
   using Models = std::vector<CandidateTissue*>;  // of one kind and start, the likeliest first
@@ -341,7 +357,8 @@ void weigh_together(std::vector<WeighedTissues>& starts) {
     for (auto& [kind, models] : kinds) {
       std::ranges::sort(models, std::ranges::greater{}, &CandidateTissue::odds);
       const auto twin = std::ranges::find_if(counted, [&](const Models& others) {
-        return kind_of(*others[0]) == kind && leads_alike(*others[0], *models[0]);
+        return kind_of(*others[0]) == kind &&
+               (models[0]->block || apart(*others[0], *models[0]) < kOtherLength);
       });
       if (twin == counted.end())
         counted.push_back(models);

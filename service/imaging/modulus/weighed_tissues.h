@@ -46,11 +46,18 @@ struct KnownLength {
 struct TissueAnswer {
   ProbeFace face;
   bool block;
-  double cell_m;
   CellGrid cells;
   Eigen::VectorXd log_strain;  // as measured
   double log_force, lateral_ratio;
   Eigen::VectorXd by_tilt;  // d ln(strain), where it was asked for
+  Charge held = {};
+};
+
+// What fine cells make of it beyond coarse ones, in those: of ln(strain), and what its skin changes.
+struct FineAnswer {
+  ProbeFace face;
+  Eigen::VectorXd finer;
+  std::optional<SkinAnswer> skin;
   Charge held = {};
 };
 
@@ -65,8 +72,8 @@ struct TissueWindow {
   CellStrains measured = {};
   Eigen::VectorXd of_depth = {};  // in images, from the middle of one
   CellGrid cells = {};
-  double places = 0;           // of a cell, by what is independent in it
-  Eigen::VectorXd finer = {};  // ln(strain): what fine cells make of it beyond coarse ones
+  double places = 0;  // of a cell, by what is independent in it
+  Eigen::VectorXd finer = {};
   ProbeFace face = {};  // of the reference, tissue that goes on: the changes of its ln(strain), ln(force)
   Eigen::VectorXd by_tilt = {}, by_elevation = {}, by_depth = {};
   double force_by_elevation = 0, force_by_depth = 0;
@@ -107,9 +114,9 @@ Eigen::VectorXd sampled(const Eigen::VectorXd& of, const CellGrid& cells, const 
 class TissueWeigher {
  public:
   TissueWeigher(const Queue&, const StrainOptions&, std::shared_ptr<StripCache>);
-  // Of tissue that goes on, ends or slides. Throws std::invalid_argument, DeviceError.
-  const TissueAnswer& answer(ProbeFace, bool tilted = false, double cell_m = kCoarseCellM);
-  SkinAnswer skin(const ProbeFace&, const CellGrid& at);
+  // Of tissue that goes on, ends or slides, in coarse cells. Throws std::invalid_argument, DeviceError.
+  const TissueAnswer& answer(ProbeFace, bool tilted = false);
+  const FineAnswer& fine(const ProbeFace&, bool with_skin);
   // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
   CandidateTissue reference(TissueWindow&, const ProbeFace& start, int rounds);
   // The reference, which moves from its start in `rounds` less one; `all`: what else the tissue may be, too.
@@ -122,7 +129,7 @@ class TissueWeigher {
   int coarse_solves() const { return coarse_solves_; }
   static int max_coarse_solves(bool all);  // of reference() and weigh() together
   static int max_coarse_solves_of_reference();
-  void forget() { answers_.clear(); }
+  void forget() { answers_.clear(), fine_.reset(); }
 
  private:
   const TissueAnswer& block_answer(const ProbeFace&, const CellGrid&);
@@ -134,11 +141,14 @@ class TissueWeigher {
   StrainOptions strain_;
   std::shared_ptr<StripCache> strips_;
   std::vector<std::unique_ptr<TissueAnswer>> answers_;  // of this window and those before
+  std::optional<FineAnswer> fine_;                      // the last one
   int coarse_solves_ = 0;
 };
 
 // What ends here or there ends: whether and how, and whether it slides.
 std::array<int, 2> kind_of(const CandidateTissue&);
+// Of the faces and depths that the fits of two lead to, of solids: how far ln of either differs.
+double apart(const CandidateTissue&, const CandidateTissue&);
 // Weights of all. A kind that two starts lead to the same face and depth counts once, as the likelier says.
 void weigh_together(std::vector<WeighedTissues>& starts);
 

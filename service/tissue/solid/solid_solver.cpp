@@ -8,6 +8,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
@@ -232,11 +233,34 @@ void SolidSolver<T>::add_patch(const Array<T>& values, const Array<T>& field, Ar
 }
 
 template <class T>
-void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
+void SolidSolver<T>::write_forces(const Patch& patch, const Eigen::VectorXd& force_n) {
   const Eigen::Matrix<T, Eigen::Dynamic, 1> force = force_n.cast<T>();
-  last_ = last_p_ = 0;
   queue_.write(p_[0], force.data(), static_cast<std::size_t>(patch.count));
+}
+
+template <class T>
+void SolidSolver<T>::begin(const Patch& patch, const Eigen::VectorXd& force_n) {
+  last_ = last_p_ = 0;
+  write_forces(patch, force_n);
   move_layers(patch.components, u_[0]);
+  turn(u_[0], 0, -1, 0);
+  add_patch(p_[0], kd_, r_[0], T{-1}, T{1});
+}
+
+template <class T>
+void SolidSolver<T>::begin_from_last(const Patch& patch, const Eigen::VectorXd& more_n,
+                                     const Eigen::VectorXd& force_n) {
+  if (at(last_) != 0) std::swap(u_[0], u_[1]);
+  last_ = last_p_ = 0;
+  if (!more_n.isZero(0)) {
+    write_forces(patch, more_n);
+    move_layers(patch.components, z_);
+    std::vector<T> moved = queue_.read(u_[0]);
+    const std::vector<T> more = queue_.read(z_);
+    std::ranges::transform(moved, more, moved.begin(), std::plus{});
+    queue_.write(u_[0], moved.data(), moved.size());
+  }
+  write_forces(patch, force_n);
   turn(u_[0], 0, -1, 0);
   add_patch(p_[0], kd_, r_[0], T{-1}, T{1});
 }
@@ -355,7 +379,7 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
       solution.reason = StopReason::kIndefinite;
     else if (options.watch && !options.watch(solution))
       solution.reason = StopReason::kIterationLimit;
-    else if (rho == 0 || solution.relative_error() <= options.relative_error)
+    else if (rho == 0 || (k >= options.min_iterations && solution.relative_error() <= options.relative_error))
       solution.reason = StopReason::kConverged;
     else if (options.relative_error > 0 && solution.bounded_error() <= rounding() / 2)
       solution.reason = StopReason::kIterationLimit;  // no iteration makes it better
@@ -367,35 +391,53 @@ SolidSolution SolidSolver<T>::iterate(const Patch& patch, double twice_energy, c
 }
 
 template <class T>
-SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::VectorXd& w,
-                                   const SolidOptions& options) {
+auto SolidSolver<T>::set_pushed(const SurfacePatch& patch) -> Pushed {
   const Patch set = set_patch(patch.unknowns, true);
   const Eigen::Index n = set.count;
   if (patch.skin_m_n.size() != n || !(patch.skin_m_n.minCoeff() >= 0) || !patch.skin_m_n.allFinite())
     throw std::invalid_argument("patch: give each unknown a skin whose compliance is finite, 0 or more");
-  if (w.size() != n || !w.allFinite())
-    throw std::invalid_argument("patch: give each unknown a finite displacement");
   Eigen::MatrixXd felt = row_->layered.among(patch.unknowns);
   felt.diagonal() += patch.skin_m_n;
-  const Eigen::LLT<Eigen::MatrixXd> factor(felt);
-  if (factor.info() != Eigen::Success)
+  Pushed out{patch, set, Eigen::LLT<Eigen::MatrixXd>(felt), {}, {}};
+  if (out.felt.info() != Eigen::Success)
     throw std::domain_error("patch: the compliance of the layered surface is not positive definite");
   const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> inverse =
-      factor.solve(Eigen::MatrixXd::Identity(n, n)).template cast<T>();
+      out.felt.solve(Eigen::MatrixXd::Identity(n, n)).template cast<T>();
   queue_.write(inverse_, inverse.data(), static_cast<std::size_t>(inverse.size()));
-  const Eigen::VectorXd start = factor.solve(w);
-  begin(set, start);
+  return out;
+}
+
+template <class T>
+SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::VectorXd& w,
+                                   const SolidOptions& options) {
+  std::optional<Pushed> last = std::exchange(pushed_, std::nullopt);
+  const bool from_last = options.from_last && last && last->patch.unknowns == patch.unknowns &&
+                         last->patch.skin_m_n == patch.skin_m_n;
+  Pushed now = from_last ? std::move(*last) : set_pushed(patch);
+  const Patch& set = now.set;
+  const Eigen::Index n = set.count;
+  if (w.size() != n || !w.allFinite())
+    throw std::invalid_argument("patch: give each unknown a finite displacement");
+  if (!from_last) now.w = now.force_n = Eigen::VectorXd::Zero(n);
+  const Eigen::VectorXd more = now.felt.solve(w - now.w), start = now.force_n + more;
+  if (from_last)
+    begin_from_last(set, more, start);
+  else
+    begin(set, start);
   SolidSolution solution = iterate(set, w.dot(start) - dot(u_[0], r_[0]), options);
   Eigen::Matrix<T, Eigen::Dynamic, 1> p(n);
   queue_.read(p_[last_p_], p.data(), static_cast<std::size_t>(n));
   solution.force_n = p.template cast<double>();
   solution.displacement_m = w - patch.skin_m_n.cwiseProduct(solution.force_n);
+  now.w = w, now.force_n = solution.force_n;
+  if (options.from_last && solution.force_n.allFinite()) pushed_ = std::move(now);
   return solution;
 }
 
 template <class T>
 SolidSolution SolidSolver<T>::load(const std::vector<std::size_t>& unknowns, const Eigen::VectorXd& p,
                                    const SolidOptions& options) {
+  pushed_.reset();
   const Patch set = set_patch(unknowns, false);
   if (p.size() != set.count || !p.allFinite())
     throw std::invalid_argument("patch: give each unknown a finite force");

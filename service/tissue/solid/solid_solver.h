@@ -12,11 +12,13 @@
 // the preconditioned operator are not below min E / E0.
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -50,7 +52,10 @@ struct SolidSolution {
 
 struct SolidOptions {
   double relative_error = 1e-6;  // ||e||_A / ||u||_A; what lies below the rounding is not tried for
-  std::size_t max_iterations = 200;
+  std::size_t min_iterations = 0, max_iterations = 200;
+  // A push begins at the last one's solution, where that was of the same patch and this was set, too: what
+  // changed little since is found in few iterations.
+  bool from_last = false;
   // Sees every iterate, without its forces and displacements; where it says false, that one is the last.
   std::function<bool(const SolidSolution&)> watch = {};
 };
@@ -92,7 +97,7 @@ class SolidSolver {
   // Where patches lie: from the beginning on the surface, then on the row of the last at(). Their unknowns
   // are counted as the surface's. It must be of this grid and this solver's layers.
   const std::shared_ptr<const SolidRow>& row() const { return row_; }
-  void at(std::shared_ptr<const SolidRow> row) { row_ = std::move(row); }
+  void at(std::shared_ptr<const SolidRow> row) { row_ = std::move(row), pushed_.reset(); }
   // Throws std::invalid_argument where the patch is not one of this row.
   SolidSolution push(const SurfacePatch&, const Eigen::VectorXd& w, const SolidOptions& = {});
   // Under given forces instead (N), with no skin: K u = B^T p.
@@ -100,6 +105,8 @@ class SolidSolver {
                      const SolidOptions& = {});
   // Of the last solution. Throws std::domain_error where it is not finite.
   RowExcess excess();
+  // The next push begins anew.
+  void forget_last() { pushed_.reset(); }
   // Displacement of the last solution, or of the iterate that is watched, [plane = 3 row + component][z][x].
   std::vector<T> displacement() const { return queue_.read(u_[at(last_)]); }
   const LayeredTissue& layers() const { return modulus_->layers; }
@@ -113,13 +120,24 @@ class SolidSolver {
     Components components;
     bool pushed = true;
   };
+  // The patch of the last push, whose solution is on the device.
+  struct Pushed {
+    SurfacePatch patch;
+    Patch set;
+    Eigen::LLT<Eigen::MatrixXd> felt;  // S0 + C
+    Eigen::VectorXd w, force_n;
+  };
   Patch set_patch(const std::vector<std::size_t>& unknowns, bool pushed);
+  Pushed set_pushed(const SurfacePatch&);
   std::size_t row_begin() const { return 3 * row_->index * grid_.columns(); }  // in a field
   void solve_layers(const Array<T>& r, Array<T>& z);                           // z = K0^-1 r
   // u: how layered tissue moves under the patch's forces.
   void move_layers(const Components&, Array<T>& u);
   // Sets u to the layered tissue's answer to the patch's forces, and r to what that leaves of them.
   void begin(const Patch&, const Eigen::VectorXd& force_n);
+  // The last solution and the layered tissue's answer to forces of `more_n`; `force_n`: of both.
+  void begin_from_last(const Patch&, const Eigen::VectorXd& more_n, const Eigen::VectorXd& force_n);
+  void write_forces(const Patch&, const Eigen::VectorXd& force_n);
   // Conjugate gradients from there; `twice_energy`: of the beginning.
   SolidSolution iterate(const Patch&, double twice_energy, const SolidOptions&);
   // What iteration k begins with: u and r of the last one's step, z, r . z in parts.
@@ -152,6 +170,7 @@ class SolidSolver {
   int nx_, nz_, rows_, groups_, parts_;  // groups: of `width_` unknowns; parts: of r . z
   Array<T> stiffness_;
   std::array<Array<T>, 2> u_, r_, d_, p_;  // the second where it goes ahead
+  std::optional<Pushed> pushed_;
   Array<T> z_, kd_, surface_;
   Array<T> marks_, partial_;  // kernels/solid_marks.clh
   Array<int> unknowns_, slots_;

@@ -30,6 +30,11 @@ std::vector<Turn> turns(std::size_t n) {
   return out;
 }
 
+// `step` further around a period of n: a division for each wave number would take most of the time.
+std::size_t after(std::size_t at, std::size_t step, std::size_t n) {
+  return at + step < n ? at + step : at + step - n;
+}
+
 // Nodes from one to another, by the nearest of the period's copies.
 long nearest(std::size_t to, std::size_t from, std::size_t n) {
   const auto size = static_cast<long>(n), away = static_cast<long>(to) - static_cast<long>(from);
@@ -53,16 +58,16 @@ SurfaceCompliance::SurfaceCompliance(std::size_t nx, std::size_t nz, const std::
     for (std::size_t kz = 0; kz <= half_z; ++kz)
       for (std::size_t i = 0; i <= max_x; ++i) {
         double sum = 0;
-        for (std::size_t kx = 0; kx <= half_x; ++kx) {
-          const Turn& turn = along_x[kx * i % wide_x];
+        for (std::size_t kx = 0, at = 0; kx <= half_x; ++kx, at = after(at, i, wide_x)) {
+          const Turn& turn = along_x[at];
           sum += (kx == 0 || 2 * kx == wide_x ? 1 : 2) * symbol[(e * (half_z + 1) + kz) * pitch + kx] *
                  (kOddX[e] ? turn.sine : turn.cosine);
         }
         half[kz * (max_x + 1) + i] = sum;
       }
     for (std::size_t k = 0; k <= max_z; ++k)
-      for (std::size_t kz = 0; kz <= half_z; ++kz) {
-        const Turn& turn = along_z[kz * k % wide_z];
+      for (std::size_t kz = 0, at = 0; kz <= half_z; ++kz, at = after(at, k, wide_z)) {
+        const Turn& turn = along_z[at];
         const double share = kSign[e] * (kz == 0 || 2 * kz == wide_z ? 1 : 2) *
                              (kOddZ[e] ? turn.sine : turn.cosine) / static_cast<double>(wide_x * wide_z);
         for (std::size_t i = 0; i <= max_x; ++i)

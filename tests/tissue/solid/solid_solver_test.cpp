@@ -130,6 +130,37 @@ TEST(SolidSolver, LayeredTissueTakesNoIteration) {
   EXPECT_LT((s.force_n - t.force_n).norm(), 1e-5 * t.force_n.norm());
 }
 
+// On a processor and as on a GPU, whose solution may lie in either of two arrays.
+TEST(SolidSolver, FromTheLastSolutionItIsTheSameInFewerIterations) {
+  const Queue queue = test_device()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  for (const Queue& on : {queue, test_gpu()->queue()}) {
+    const SolidTissue tissue = rough(small_grid(), 0.49, 10);
+    SolidTissue other = tissue;
+    for (std::size_t e = 0; e < other.youngs_modulus_pa.size(); e += 3) other.youngs_modulus_pa[e] *= 1.01;
+    const SurfacePatch patch = patch_of(tissue.grid, 1, 1, 2e-3);
+    const Eigen::VectorXd w = pushed(patch),
+                          tilted = w.array() * (1 + 0.02 * Eigen::ArrayXd::LinSpaced(w.size(), -1, 1));
+    const SolidOptions options{.relative_error = 1e-5, .from_last = true};
+    SolidSolver<double> solver(on, tissue);
+    const SolidSolution first = solver.push(patch, w, options);
+    solver.use(std::make_shared<const SolidModulus<double>>(
+        on, other, beside(other, solver.layers().youngs_modulus_pa)));
+    const SolidSolution after = solver.push(patch, tilted, options);
+    const Truth t = truth(other, patch, tilted);
+    EXPECT_EQ(after.reason, StopReason::kConverged);
+    EXPECT_LT(after.iterations + 3, first.iterations);
+    EXPECT_LT((after.force_n - t.force_n).norm(), 1e-4 * t.force_n.norm());
+    EXPECT_GE(after.energy_j, t.energy_j * (1 - 1e-12));
+    EXPECT_LE(after.energy_j - t.energy_j, after.energy_error_j + 1e-12 * t.energy_j);
+    solver.forget_last();
+    EXPECT_GT(solver.push(patch, tilted, options).iterations, after.iterations + 3);
+    SolidOptions least = options;
+    least.min_iterations = 2;
+    EXPECT_GE(solver.push(patch, tilted, least).iterations, 2U);
+  }
+}
+
 TEST(SolidSolver, UnderALoadItIsTheSparseFactors) {
   const Queue queue = test_device()->queue();
   if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";

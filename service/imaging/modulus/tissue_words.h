@@ -1,0 +1,22 @@
+// What a fit says for people of the tissue that it found.
+#pragma once
+
+#include <vector>
+
+#include "service/imaging/modulus/probe_fit.h"
+#include "service/imaging/modulus/weighed_tissues.h"
+
+namespace teletact::service {
+
+// All tissues of one kind, by the likeliest of them.
+struct WeighedKind {
+  const CandidateTissue* of;
+  const TissueWindow* window;
+  double weight;
+};
+
+// Sets `words` and `contradicted` of what is fitted else. `order`: the likeliest first; `fitted`: whether
+// more than what is stated was tried; `grading` of ln E.
+void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double grading, ProbeFit&);
+
+}  // namespace teletact::service
