@@ -17,7 +17,7 @@ def answer_at(position, status="ok", round_trip_s=0.01, tangent=STIFFNESS):
     force = np.array([0, -STIFFNESS * max(position[1], 0), 0]) if has_force else np.full(3, np.nan)
     tangent_n_m = np.diag([0, -tangent, 0.0]) if position[1] > 0 else np.zeros((3, 3))
     region = teletact.Region(0, 0.1)
-    return teletact.Answer(1, position, status, force, tangent_n_m, 0.0, "", np.nan, 1, 1, "", region, round_trip_s, None)
+    return teletact.Answer(1, position, status, force, tangent_n_m, 0.0, "", np.nan, np.nan, 1, 1, "", region, round_trip_s, None)
 
 
 def felt(limits=LIMITS):

@@ -19,9 +19,11 @@ namespace {
 
 class FaultyDevice : public FaultyKernels {
  protected:
+  static constexpr double kDepthM = 0.300;  // so many nodes that multigrid preconditions
+
   void SetUp() override {
     FaultyKernels::SetUp();
-    scene_->publish(window_of(homogeneous(10e3), 0.03, 0.06, 0.03));
+    scene_ = scene_of_depth(kDepthM);
   }
 
   // Presses by way of the device, again and again, and by compliance beside it. `of_device`: it is the device
@@ -94,7 +96,13 @@ class FaultyDevice : public FaultyKernels {
     return answer;
   }
 
-  std::shared_ptr<Scene> scene_ = std::make_shared<Scene>("s", tissue(0.12, 0.03), versions());
+  static std::shared_ptr<Scene> scene_of_depth(double depth_m) {
+    auto scene = std::make_shared<Scene>("s", tissue(0.12, depth_m), versions());
+    scene->publish(window_of(homogeneous(10e3), 0.03, 0.06, depth_m));
+    return scene;
+  }
+
+  std::shared_ptr<Scene> scene_;
 };
 
 TEST_F(FaultyDevice, NanFromTheOperatorIsSaid) {
@@ -117,6 +125,12 @@ TEST_F(FaultyDevice, DeviceThatTakesNoMoreWorkIsSaid) {
   sabotage("pcg.cl", "kernel void pcg_update",
            "kernel __attribute__((reqd_work_group_size(7, 1, 1))) void pcg_update");
   expect_failure("launch of kernel pcg_update", true);
+}
+
+TEST_F(FaultyDevice, ANarrowWindowSaysSoToo) {
+  scene_ = scene_of_depth(0.03);
+  sabotage("block_tridiagonal.cl", "  return alpha;", "  return alpha * (real)NAN;");
+  expect_failure("no usable solution");
 }
 
 TEST_F(FaultyDevice, NanInASolidIsSaid) {

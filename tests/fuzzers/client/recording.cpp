@@ -49,7 +49,7 @@ void check(const client::TouchRecord& touch, const client::AcquireRecord* acquir
   for (const client::TactileFrame& frame : touch.tactile)
     require(frame.image.pressure_pa.size() == frame.image.along_x * frame.image.along_z,
             "taxels that do not fill an image");
-  client::stated_half_width(touch, touch.ticks.front());
+  client::stated_interval(touch, touch.ticks.front());
   if (acquire) accepted<std::runtime_error>([&] { client::session_mismatch(touch, *acquire); });
 }
 
