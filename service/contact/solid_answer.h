@@ -34,10 +34,8 @@ void set_strain(const SolidTissue&, std::size_t row, const LinearisedContact&, d
 double contact_strain(double poisson_ratio, double pressure_pa, double youngs_modulus_pa);
 // That, or all of the tissue's, whichever is more.
 void set_strain(double below_contact, double of_all, ContactAnswer&);
-// Errors of a linear model under a round tip: under tissue that is neo-Hookean, and under tissue that
-// stiffens with strain (T9.4).
+// Error of a linear model under a round tip, of tissue that is neo-Hookean (T9.4).
 ForceError finite_strain(const Fingertip&, double indentation_m);
-ForceError stiffening(const Fingertip&, double indentation_m);
 
 // Of the surface, the block being periodic.
 std::size_t nearest_node(const SolidGrid&, const Vector3& pose);

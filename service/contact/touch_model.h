@@ -226,4 +226,7 @@ class TouchModel {
   const std::shared_ptr<ContactLaws> laws_;
 };
 
+// Error of any of these under a round tip, where tissue stiffens with strain (T9.4).
+ForceError stiffening(const Fingertip&, double indentation_m);
+
 }  // namespace teletact::service

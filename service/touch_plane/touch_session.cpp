@@ -12,7 +12,6 @@
 
 #include "service/base/choices.h"
 #include "service/base/force_budget.h"
-#include "service/contact/solid_answer.h"
 #include "service/device/device.h"
 #include "service/scene/slices.h"
 

@@ -60,7 +60,8 @@ v1::RecordEntry tick_at(std::int64_t time_ns) {
 float last_of(View& view, const std::string& column) {
   const test::WebSlot slot = newest_slot(view, Channel::kTrace);
   Trace::Row row;
-  std::memcpy(row.data(), slot.data.data() + slot.data.size() - sizeof(row), sizeof(row));
+  const std::size_t rows = slot.data.size() / sizeof(row);  // filled up to 8 bytes
+  std::memcpy(row.data(), slot.data.data() + (rows - 1) * sizeof(row), sizeof(row));
   return row.at(
       static_cast<std::size_t>(std::ranges::find(Trace::columns(), column) - Trace::columns().begin()));
 }
