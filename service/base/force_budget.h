@@ -17,14 +17,12 @@ enum class ErrorTerm : std::uint8_t {
   kModulus,       // Young's modulus of what is felt
   kModel,         // what a cheaper model than the solid leaves out of the tissue (T9.5)
   kDimension,     // a plane that stands for a solid (T9.7)
-  kContext,       // tissue beside what was given (T9.6)
-  kStiffening     // tissue that stiffens with strain
+  kContext        // tissue beside what was given (T9.6)
 };
 enum class TermKind : std::uint8_t {
-  kBound,      // it is not off by more
-  kEstimate,   // within twice this in 95 of 100
-  kDeviation,  // standard deviation
-  kAbove       // the true force may be larger by it
+  kBound,     // it is not off by more
+  kEstimate,  // within twice this in 95 of 100
+  kDeviation  // standard deviation
 };
 
 struct ForceError {
@@ -37,8 +35,10 @@ struct ForceError {
 // Terms are taken for independent: deviations and estimates add as squares, bounds on top of that.
 class ForceBudget {
  public:
-  static constexpr std::size_t kMaxTerms = 8;  // each once
+  static constexpr std::size_t kMaxTerms = 7;  // each once
   static constexpr double kOf95 = 1.96;        // half of the interval over a deviation or an estimate
+  // What the interval reaches further up than down, over the force: where tissue stiffens with strain.
+  double above = 0;
   void add(const ForceError& error) {
     if (count_ < kMaxTerms) terms_[count_++] = error;
   }
@@ -47,14 +47,7 @@ class ForceBudget {
   double half_width() const {
     return half_width([](const ForceError&) { return true; });
   }
-  // What the interval reaches further up than down, over the force.
-  double above() const {
-    double all = 0;
-    for (const ForceError& e : terms())
-      if (e.kind == TermKind::kAbove) all += e.relative;
-    return all;
-  }
-  // The same as half_width() but for the modulus: what another model may make less.
+  // The same but for the modulus: what another model may make less.
   double of_model() const {
     return half_width([](const ForceError& e) { return e.term != ErrorTerm::kModulus; });
   }
@@ -70,7 +63,7 @@ class ForceBudget {
   double half_width(const Counts& counts) const {
     double bounds = 0, squares = 0;
     for (const ForceError& e : terms()) {
-      if (e.kind == TermKind::kAbove || !counts(e)) continue;
+      if (!counts(e)) continue;
       (e.kind == TermKind::kBound ? bounds : squares) +=
           e.kind == TermKind::kBound ? e.relative : e.relative * e.relative;
     }

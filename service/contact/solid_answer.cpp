@@ -136,9 +136,9 @@ ForceError finite_strain(const Fingertip& tip, double indentation_m) {
           (kOfRoot * std::sqrt(x) + kOfStrain * x) / ForceBudget::kOf95};
 }
 
-ForceError stiffening(const Fingertip& tip, double indentation_m) {
+double stiffening(const Fingertip& tip, double indentation_m) {
   constexpr double kPower = 1.8;
-  return {ErrorTerm::kStiffening, TermKind::kAbove, std::pow(indentation_m / tip.radius_m, kPower)};
+  return std::pow(indentation_m / tip.radius_m, kPower);
 }
 
 void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {

@@ -226,7 +226,8 @@ class TouchModel {
   const std::shared_ptr<ContactLaws> laws_;
 };
 
-// Error of any of these under a round tip, where tissue stiffens with strain (T9.4).
-ForceError stiffening(const Fingertip&, double indentation_m);
+// What the force of any of these may lack under a round tip, over it, where tissue stiffens with strain
+// (T9.4).
+double stiffening(const Fingertip&, double indentation_m);
 
 }  // namespace teletact::service

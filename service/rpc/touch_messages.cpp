@@ -21,12 +21,12 @@ constexpr std::array kPaths{v1::SOLVE_PATH_UNSPECIFIED, v1::SOLVE_PATH_COMPLIANC
                             v1::SOLVE_PATH_SHARES};  // by SolvePath
 constexpr std::array kStatuses{v1::TOUCH_STATUS_OK, v1::TOUCH_STATUS_NOT_COVERED, v1::TOUCH_STATUS_DEGRADED,
                                v1::TOUCH_STATUS_FAILED, v1::TOUCH_STATUS_PREPARING};  // by TouchStatus
-constexpr std::array kTerms{
-    v1::ForceError::TERM_SOLVER,  v1::ForceError::TERM_MESH,      v1::ForceError::TERM_FINITE_STRAIN,
-    v1::ForceError::TERM_MODULUS, v1::ForceError::TERM_MODEL,     v1::ForceError::TERM_DIMENSION,
-    v1::ForceError::TERM_CONTEXT, v1::ForceError::TERM_STIFFENING};  // by ErrorTerm
+constexpr std::array kTerms{v1::ForceError::TERM_SOLVER,        v1::ForceError::TERM_MESH,
+                            v1::ForceError::TERM_FINITE_STRAIN, v1::ForceError::TERM_MODULUS,
+                            v1::ForceError::TERM_MODEL,         v1::ForceError::TERM_DIMENSION,
+                            v1::ForceError::TERM_CONTEXT};  // by ErrorTerm
 constexpr std::array kKinds{v1::ForceError::KIND_BOUND, v1::ForceError::KIND_ESTIMATE,
-                            v1::ForceError::KIND_DEVIATION, v1::ForceError::KIND_ABOVE};  // by TermKind
+                            v1::ForceError::KIND_DEVIATION};  // by TermKind
 
 // 0: `usual`.
 double within(const char* field, double wished, double least, double most, double usual, const char* unit) {
@@ -117,7 +117,7 @@ void budget_to(const ForceBudget& in, v1::ForceBudget* out) {
     term->set_relative(error.relative);
   }
   out->set_half_width(in.half_width());
-  out->set_above(in.above());
+  out->set_above(static_cast<float>(in.above));
 }
 
 void taxels_to(const TaxelGrid& grid, const std::vector<double>& pressure_pa, v1::Array* out) {

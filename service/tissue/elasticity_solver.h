@@ -59,7 +59,7 @@ class ElasticitySolver {
   //   displacement: [count][dof] (m), in: what is prescribed where `options.prescribed` says so, elsewhere
   //   the initial guess (zeros if unknown), out: the solution, zero on supports
   // The report holds the worst column: relative_error bounds ||error|| / ||solution|| in the energy norm with
-  // the rounding of the precision used, but for what rounding the stiffness in double leaves (about 1e-8 for
+  // the rounding of the precision used, but for what rounding the stiffness in double leaves (5e-10 for
   // a window of a scene), and is infinite where a run broke down; converged is false, and reason says why,
   // when the tolerance was not reached. Throws std::invalid_argument for sizes that do not fit or values that
   // are not finite.

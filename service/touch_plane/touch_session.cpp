@@ -91,13 +91,13 @@ Beside beside_what_was_given(const Region& region, const Fingertip& tip, const T
 }
 
 // To the budget of an answer that has one, which that of a round tip has.
-void add_scene_errors(const std::optional<double>& log_deviation, const Beside& beside,
-                      const std::optional<ForceError>& stiffens, ContactAnswer& contact) {
+void add_scene_errors(const std::optional<double>& log_deviation, const Beside& beside, double stiffening,
+                      ContactAnswer& contact) {
   if (contact.budget.terms().empty()) return;
   if (beside.share > 0)
     contact.budget.add({ErrorTerm::kContext, TermKind::kEstimate, beside.share / ForceBudget::kOf95});
   if (log_deviation) contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *log_deviation});
-  if (stiffens) contact.budget.add(*stiffens);
+  contact.budget.above = stiffening;
 }
 
 }  // namespace
@@ -368,9 +368,8 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   return "";
 }
 
-std::optional<ForceError> TouchSession::stiffens(const TouchPose& pose) const {
-  if (scene_->geometry().linear) return std::nullopt;
-  return stiffening(options_.fingertip, pose.position_m[1]);
+double TouchSession::stiffening_at(const TouchPose& pose) const {
+  return scene_->geometry().linear ? 0 : stiffening(options_.fingertip, pose.position_m[1]);
 }
 
 void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, const TouchPose& pose) const {
@@ -382,7 +381,7 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
                                               scene_->geometry().depth_m - layer_.depth_m);
   answer.log_deviation = stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose));
-  add_scene_errors(answer.log_deviation, beside, stiffens(pose), answer.contact);
+  add_scene_errors(answer.log_deviation, beside, stiffening_at(pose), answer.contact);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };
@@ -414,7 +413,7 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   add_scene_errors(stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose)),
                    beside_what_was_given(window_->region, options_.fingertip, pose,
                                          scene_->geometry().depth_m - layer_.depth_m),
-                   stiffens(pose), touch.contact);
+                   stiffening_at(pose), touch.contact);
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
       !doubt(touch.contact, snapshot, pose).empty())
     return std::nullopt;

@@ -99,7 +99,7 @@ class TouchSession {
   ContactAnswer answered(const TouchPose&);
   void touch_into(TouchAnswer&, const TouchPose&);
   void judge(TouchAnswer&, const SceneSnapshot&, const TouchPose&) const;
-  std::optional<ForceError> stiffens(const TouchPose&) const;  // of tissue that is not stated to be linear
+  double stiffening_at(const TouchPose&) const;  // 0 in tissue that is stated to be linear
   std::string doubt(const ContactAnswer&, const SceneSnapshot&, const TouchPose&) const;
   double measured_share(const StitchedMap&, double x_m) const;
   std::optional<ForeseenTouch> foresee(const SceneSnapshot&, const TouchPose&);

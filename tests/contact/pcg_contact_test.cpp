@@ -163,6 +163,10 @@ TEST(IterativeCompliance, BreakdownStatesNoSmallError) {
     double height_m, nu, contrast;
   };
   int broken = 0;
+  const auto broke = [&broken](const std::exception& error) {
+    ++broken;
+    EXPECT_NE(std::string(error.what()).find("not positive definite"), std::string::npos) << error.what();
+  };
   for (const Case& c : {Case{10e-3, 0.4999, 1e4}, {10e-3, 0.49999, 10}, {25e-3, 0.4999, 1e3}}) {
     const TissueGrid grid = box(41, 6, 1e-3, c.height_m);
     const TissueModel model(grid, tests::inclusion(grid, c.contrast, c.nu), {}, {});
@@ -173,9 +177,10 @@ TEST(IterativeCompliance, BreakdownStatesNoSmallError) {
         const Judged j =
             touch_by(model, *service::iterative_with(options, model, 0, device()), *model.compliance(0));
         EXPECT_LE(j.error, j.report.relative_error + j.of_truth) << c.nu << " " << c.contrast;
-      } catch (const std::exception& error) {
-        ++broken;
-        EXPECT_NE(std::string(error.what()).find("not positive definite"), std::string::npos) << error.what();
+      } catch (const std::runtime_error& error) {  // the solver
+        broke(error);
+      } catch (const std::domain_error& error) {  // the contact of its columns
+        broke(error);
       }
     }
     if (!device()->info().has_double) continue;

@@ -68,7 +68,7 @@ TEST_F(Palpation, PressureIsSentOnRequestAlone) {
   ASSERT_TRUE(toucher.touch(0.05, 0.003, &answer));
   EXPECT_LT(answer.force_n(1), -0.05);
   EXPECT_EQ(answer.pressure_size(), 0);
-  EXPECT_LE(answer.ByteSizeLong(), 420U);
+  EXPECT_LE(answer.ByteSizeLong(), 400U);
 }
 
 TEST_F(Palpation, ForceIsTheWorkThatThePoseDoes) {

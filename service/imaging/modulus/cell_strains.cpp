@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "service/device/cancellation.h"
+#include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
 namespace {
@@ -14,6 +15,7 @@ using Eigen::VectorXd;
 
 constexpr double kLargestNoise = 0.7;  // of the strain: with more a cell tells nothing
 constexpr double kMinPart = 0.5;       // of a cell's nodes that must be measured
+constexpr double kColumnsPerStep = 0.3, kMostOfColumns = 0.06;  // of what columns differ by, in a step
 
 // Weights of the kernel's cells from the middle one on: the slope of a least-squares line weighs strain by a
 // parabola along the slope, and evenly across.
@@ -109,6 +111,19 @@ double alike_m2(const VectorXd& left, const CellGrid& cells, double scale) {
       sum += std::max(0.0, products / limited.squaredNorm());
     }
   return sum * cells.spacing_m * cells.row_m;
+}
+
+void hold_columns(VectorXd& log_modulus, const CellGrid& cells) {
+  const auto columns = static_cast<Index>(cells.columns), rows = static_cast<Index>(cells.rows);
+  VectorXd typical(columns);
+  std::vector<double> values(cells.rows);
+  for (Index i = 0; i < columns; ++i) {
+    for (Index j = 0; j < rows; ++j) values[static_cast<std::size_t>(j)] = log_modulus[i + columns * j];
+    typical[i] = median(values);
+  }
+  typical.array() -= typical.mean();
+  log_modulus -=
+      (kColumnsPerStep * typical).cwiseMax(-kMostOfColumns).cwiseMin(kMostOfColumns).replicate(rows, 1);
 }
 
 }  // namespace teletact::service

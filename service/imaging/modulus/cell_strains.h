@@ -29,4 +29,10 @@ double at_node(const Eigen::VectorXd& of_cells, const CellGrid&, const ImageGrid
 // 0, lumps limited to two scales.
 double alike_m2(const Eigen::VectorXd& of_cells, const CellGrid&, double scale);
 
+// Takes off some of what each column differs by from all, after a step: columns of a block pressed evenly, or
+// of tissue that slides, strain alike, whatever their moduli, so that what the strain's columns differ by
+// would add up step by step. No more of it than that: what a step brings over it is no such difference, but a
+// face that touches in part.
+void hold_columns(Eigen::VectorXd& log_modulus, const CellGrid&);
+
 }  // namespace teletact::service

@@ -303,8 +303,8 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
       log_strain += at * of_strain, log_force += at * of_force;
     };
     if (!m.block && all) {
-      add(kElevation, about.by_elevation, about.force_by_elevation);
-      add(kDepth, about.by_depth, about.force_by_depth);
+      add(kElevation, m.by_elevation.strain, m.by_elevation.force);
+      add(kDepth, m.by_depth.strain, m.by_depth.force);
       if (m.by_beside.size()) add(kBeside, m.by_beside, m.force_by_beside);
       for (std::size_t k = 0; k < kSkinChanges; ++k) {
         const double more = share * (skin_of(m, k) - skin[k]);
@@ -341,8 +341,8 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
           VectorXd::Constant(static_cast<Index>(cells.size()), std::sqrt(share) * about.elevation.deviation));
     std::vector<VectorXd> by;  // in the order of the fit's columns
     if (!m.block)
-      by = {in_cells(of_modulus(about.by_elevation, about.force_by_elevation)),
-            in_cells(of_modulus(about.by_depth, about.force_by_depth))};
+      by = {in_cells(of_modulus(m.by_elevation.strain, m.by_elevation.force)),
+            in_cells(of_modulus(m.by_depth.strain, m.by_depth.force))};
     if (!m.block && all && m.by_beside.size())
       by.push_back(in_cells(of_modulus(m.by_beside, m.force_by_beside)));
     const auto lengths = static_cast<Index>(by.size()), count = lengths + skins;

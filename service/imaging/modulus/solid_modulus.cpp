@@ -47,24 +47,6 @@ constexpr double kUnsettledLog = 0.5;        // of the last step, where the time
 // as it bears little of the force, that does not matter.
 constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
 
-// Of what each column of cells differs by from all, in a step: columns of a block that is pressed evenly
-// strain alike, whatever their moduli, so that what the strain's columns differ by would add up step by step.
-// No more of it than that: what a step brings over it is no such difference, but a face that touches in part.
-constexpr double kColumnsPerStep = 0.3, kMostOfColumns = 0.06;
-
-void hold_columns(VectorXd& log_modulus, const CellGrid& cells) {
-  const auto columns = static_cast<Index>(cells.columns), rows = static_cast<Index>(cells.rows);
-  VectorXd typical(columns);
-  std::vector<double> values(cells.rows);
-  for (Index i = 0; i < columns; ++i) {
-    for (Index j = 0; j < rows; ++j) values[static_cast<std::size_t>(j)] = log_modulus[i + columns * j];
-    typical[i] = median(values);
-  }
-  typical.array() -= typical.mean();
-  log_modulus -=
-      (kColumnsPerStep * typical).cwiseMax(-kMostOfColumns).cwiseMin(kMostOfColumns).replicate(rows, 1);
-}
-
 TissueGrid mesh_of(const CellGrid& cells) {
   TissueGrid grid;
   for (std::size_t i = 0; i <= cells.columns; ++i)
@@ -250,7 +232,7 @@ class SolidModulusMethod : public ModulusMethod {
       const VectorXd start =
           out.iterations == 0 ? VectorXd((observed.array() > 0).select(pseudo, 0.0)) : theta;
       VectorXd denoised = denoise(pseudo, observed / kOverstep, start);
-      if (!(fit.face.beside_m > 0)) hold_columns(denoised, cells);
+      if (!(fit.face.beside_m > 0) || fit.face.slides) hold_columns(denoised, cells);
       moved = denoised - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       theta = hastened.next(theta, denoised).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);

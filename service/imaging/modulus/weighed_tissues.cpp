@@ -138,8 +138,8 @@ std::vector<FitColumn> columns_of(const TissueWindow& w, const CandidateTissue& 
     const auto known = [&](const KnownLength& of, const VectorXd& by, double at_m) {
       columns.push_back({-by, of.log - std::log(at_m), of.deviation, of.stated, kLinear});
     };
-    known(w.elevation, w.by_elevation, m.face.elevation_m);
-    known(w.depth, w.by_depth, m.face.depth_m);
+    known(w.elevation, m.by_elevation.strain, m.face.elevation_m);
+    known(w.depth, m.by_depth.strain, m.face.depth_m);
     if (m.by_beside.size()) columns.push_back({-m.by_beside, 0, kOfGridStep, false});
   }
   return columns;
@@ -189,6 +189,22 @@ void TissueWeigher::settle(const TissueWindow& w, CandidateTissue& m, int rounds
   }
 }
 
+// By an answer more. The one way or the other: it may stand at the edge of what is modelled.
+ByLength TissueWeigher::by(double ProbeFace::*length, const CandidateTissue& m) {
+  const auto varied = [&](double way) {
+    ProbeFace face = m.face;
+    face.*length *= std::exp(way);
+    const TissueAnswer& other = answer(face);
+    return ByLength{(other.log_strain - m.answer->log_strain) / way,
+                    (other.log_force - m.answer->log_force) / way};
+  };
+  try {
+    return varied(kVary);
+  } catch (const std::invalid_argument&) {
+    return varied(-kVary);
+  }
+}
+
 // Tissue that goes on, to where it is linear.
 CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start, int rounds) {
   CandidateTissue out{start};
@@ -196,23 +212,7 @@ CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start
     w.face = out.face;
     out.answer = &answer(w.face, true);
     w.by_tilt = out.answer->by_tilt;
-    const auto by = [&](double ProbeFace::*length, VectorXd& of_strain, double& of_force) {
-      // The one way or the other: it may stand at the edge of what is modelled.
-      const auto varied = [&](double way) {
-        ProbeFace face = w.face;
-        face.*length *= std::exp(way);
-        const TissueAnswer& other = answer(face);
-        of_strain = (other.log_strain - out.answer->log_strain) / way;
-        of_force = (other.log_force - out.answer->log_force) / way;
-      };
-      try {
-        varied(kVary);
-      } catch (const std::invalid_argument&) {
-        varied(-kVary);
-      }
-    };
-    by(&ProbeFace::elevation_m, w.by_elevation, w.force_by_elevation);
-    by(&ProbeFace::depth_m, w.by_depth, w.force_by_depth);
+    out.by_elevation = by(&ProbeFace::elevation_m, out), out.by_depth = by(&ProbeFace::depth_m, out);
   };
   linear();
   for (int round = 1;; ++round) {
@@ -261,6 +261,7 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<Candidate
   const auto with = [&](double beside_m, bool slides, double step_m = 0) {
     CandidateTissue model{w.face};
     model.face.beside_m = model.place_m = beside_m, model.face.slides = slides, model.step_m = step_m;
+    model.by_elevation = models[0].by_elevation, model.by_depth = models[0].by_depth;
     return model;
   };
   if (w.face.image_depth_m < kDeepestBlockM) {
@@ -321,8 +322,15 @@ WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start,
   const double scale = std::hypot(out.least().fit.rest, kModelLog);
   for (CandidateTissue& m : out.models) fit(out.window, m, scale);
   const double best = out.best();
-  for (CandidateTissue& m : out.models)
-    if (m.odds() > best - kWorthless) settle(out.window, m, kRoundsOfOthers);
+  for (CandidateTissue& m : out.models) {
+    if (!(m.odds() > best - kWorthless)) continue;
+    if (!m.block && m.face.beside_m < kSkinBeside * m.face.depth_m) try {
+        m.by_elevation = by(&ProbeFace::elevation_m, m);
+        fit(out.window, m, scale);
+      } catch (const std::invalid_argument&) {  // beyond what is modelled: about as the reference's
+      }
+    settle(out.window, m, kRoundsOfOthers);
+  }
   return out;
 }
 
@@ -333,7 +341,8 @@ int TissueWeigher::max_coarse_solves_of_reference() {
 
 int TissueWeigher::max_coarse_solves(bool all) {
   constexpr int kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1);
-  return all ? max_coarse_solves_of_reference() + kCoarsePerSolve + kOthers + (1 + kOthers) * kRoundsOfOthers
+  return all ? max_coarse_solves_of_reference() + kCoarsePerSolve + 3 * kOthers +
+                   (1 + kOthers) * kRoundsOfOthers
              : 6;
 }
 

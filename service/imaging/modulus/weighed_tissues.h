@@ -61,6 +61,12 @@ struct FineAnswer {
   Charge held = {};
 };
 
+// What a length of tissue changes: of ln(strain) in each cell, of ln(force), by ln of it.
+struct ByLength {
+  Eigen::VectorXd strain = {};
+  double force = 0;
+};
+
 // What all models are held against: coarse cells, linear about a face.
 struct TissueWindow {
   std::optional<double> beside_m;  // stated
@@ -74,9 +80,8 @@ struct TissueWindow {
   CellGrid cells = {};
   double places = 0;  // of a cell, by what is independent in it
   Eigen::VectorXd finer = {};
-  ProbeFace face = {};  // of the reference, tissue that goes on: the changes of its ln(strain), ln(force)
-  Eigen::VectorXd by_tilt = {}, by_elevation = {}, by_depth = {};
-  double force_by_elevation = 0, force_by_depth = 0;
+  ProbeFace face = {};  // of the reference, tissue that goes on
+  Eigen::VectorXd by_tilt = {};
   SkinAnswer by_skin = {};  // where more than a level and a tilt is fitted
 };
 
@@ -88,6 +93,8 @@ struct CandidateTissue {
   Eigen::VectorXd by_beside = {};
   double force_by_beside = 0;
   const TissueAnswer* answer = nullptr;  // of `face`
+  // The reference's until its own are known: beside tissue that ends, a face's elevation changes less.
+  ByLength by_elevation = {}, by_depth = {};
   RobustFit fit = {};
   // The same with the skin's changes as the last columns, where the tissue goes on far enough beside the face
   // for them: not to tell tissues apart, whose sides look like skin.
@@ -135,6 +142,7 @@ class TissueWeigher {
   const TissueAnswer& block_answer(const ProbeFace&, const CellGrid&);
   TissueAnswer answer_of(ProbedTissue&, const ProbeFace&) const;
   const TissueAnswer& keep(TissueAnswer);
+  ByLength by(double ProbeFace::*length, const CandidateTissue&);
   void settle(const TissueWindow&, CandidateTissue&, int rounds);
   void consider_others(const TissueWindow&, std::vector<CandidateTissue>&);
   Queue queue_;

@@ -218,7 +218,7 @@ TEST(ProbeFit, TellsWhereTissueEndsAndWhetherItSlides) {
 TEST(ProbeFit, BelievesAStatedWidth) {
   for (const auto& [of, beside_m, is] : {std::tuple(face(), 0.1, "that continues beside the probe, under"),
                                          std::tuple(face(0.007), 0.007, "that ends some 7 mm"),
-                                         std::tuple(face(0), 1e-9, "that is as wide as the probe")}) {
+                                         std::tuple(face(0), 1e-9, "that is as wide as the probe, under")}) {
     const Pressed pressed(of);
     const ModulusEstimate e = pressed.estimate({}, beside_m);
     EXPECT_TRUE(says(e, is)) << e.model;
