@@ -6,6 +6,7 @@
 
 #include <Eigen/SparseCholesky>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "service/tissue/elasticity.h"
