@@ -23,6 +23,9 @@ constexpr std::size_t kRows = 8, kMostUnknowns = 128, kPlanes = 5, kEntries = 18
 constexpr std::size_t kMostOfSquares = 32;
 constexpr std::size_t kGroup = 256;   // items on a GPU: at least two for each row of a block
 constexpr std::size_t kExpected = 8;  // iterations: it takes one in double, a few in float
+// It must stop by itself: a launch is not cancelled. Where so many do not do, rounding has lost the
+// preconditioner.
+constexpr std::size_t kMostIterations = 64;
 // The preconditioned operator's eigenvalues are one but for rounding, of which one iteration shows little:
 // the smallest is taken for no more than this.
 constexpr double kSmallestEigenvalue = 0.5;
@@ -63,6 +66,7 @@ BlockTridiagonalPcg<T>::BlockTridiagonalPcg(const Queue& queue, const ScaledTiss
       width_(queue.info().width<T>()),
       group_(queue.info().gpu ? kGroup : 1),
       unknowns_(tissue.grid.dofs()) {
+  options_.max_iterations = std::min(options_.max_iterations, kMostIterations);
   const TissueGrid& grid = tissue.grid;
   const bool columns = grid.ny() <= grid.nx();  // are the blocks
   const std::size_t steps = columns ? grid.nx() : grid.ny(), nodes = columns ? grid.ny() : grid.nx();
