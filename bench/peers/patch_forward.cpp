@@ -49,7 +49,7 @@ std::vector<PatchForward::Entry> PatchForward::entries_of(const service::TissueE
       const double x = grid_.x_m[i] + dx / 2 - tissue.window_x_m, y = grid_.y_m[j] + dy / 2;
       const int px = std::clamp(static_cast<int>(std::floor(x / kPatchM)), 0, patches_x_ - 1),
                 py = std::clamp(static_cast<int>(y / kPatchM), 0, patches_y_ - 1);
-      const auto k = reference::element_matrix(dx, dy, 1, tissue.poisson_ratio,
+      const auto k = reference::element_matrix(dx, dy, 1.0, tissue.poisson_ratio,
                                                reference::Integration::kSelectiveReduced);
       const std::size_t nodes[] = {grid_.node(i, j), grid_.node(i + 1, j), grid_.node(i, j + 1),
                                    grid_.node(i + 1, j + 1)};

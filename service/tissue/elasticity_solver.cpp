@@ -262,7 +262,8 @@ std::vector<ElasticitySolver::Column> ElasticitySolver::solve_batch(std::size_t 
 
 SolveReport ElasticitySolver::report(const std::vector<Column>& columns) const {
   SolveReport report;
-  report.reason = to_string(StopReason::kConverged);
+  StopReason worst = StopReason::kConverged;  // they get worse in their order
+  report.reason = to_string(worst);
   for (const Column& c : columns) {
     const double scale = c.load_norm > 0 ? c.load_norm : 1;
     report.iterations = std::max(report.iterations, c.iterations);
@@ -271,7 +272,8 @@ SolveReport ElasticitySolver::report(const std::vector<Column>& columns) const {
     report.relative_error = std::max(report.relative_error, c.relative_error());
     if (c.reason != StopReason::kConverged) {
       report.converged = false;
-      report.reason = to_string(c.reason);
+      worst = std::max(worst, c.reason);
+      report.reason = to_string(worst);
     } else if (!(c.relative_error() <= options_.relative_error) && report.converged) {
       report.converged = false;
       report.reason = "rounding of the working precision";

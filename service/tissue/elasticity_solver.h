@@ -59,10 +59,9 @@ class ElasticitySolver {
   //   displacement: [count][dof] (m), in: what is prescribed where `options.prescribed` says so, elsewhere
   //   the initial guess (zeros if unknown), out: the solution, zero on supports
   // The report holds the worst column: relative_error bounds ||error|| / ||solution|| in the energy norm with
-  // the rounding of the precision used, but for what rounding the stiffness in double leaves (5e-10 for
-  // a window of a scene), and is infinite where a run broke down; converged is false, and reason says why,
-  // when the tolerance was not reached. Throws std::invalid_argument for sizes that do not fit or values that
-  // are not finite.
+  // the rounding of the precision used, and is infinite where a run broke down; converged is false, and
+  // reason says why, when the tolerance was not reached. Throws std::invalid_argument for sizes that do not
+  // fit or values that are not finite.
   SolveReport solve(std::size_t count, std::span<const double> loads, std::span<double> displacement);
   // K u for all unknowns, [count][dof] (N/m): where a displacement is prescribed or supported, this less the
   // load there is the reaction, the force that holds it.

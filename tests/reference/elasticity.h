@@ -1,6 +1,6 @@
 // Plane-strain elasticity on a rectilinear grid of bilinear quadrilaterals (Q1), assembled by Gauss
-// quadrature into a sparse matrix in double precision: the plain text that the product's kernels and
-// eliminations are held against.
+// quadrature into a sparse matrix: the plain text that the product's kernels and eliminations are held
+// against. T: double or long double.
 //   a(u, v) = Int 2 mu eps(u):eps(v) + lambda div(u) div(v),   mu = E / 2(1 + nu),  lambda = E nu /
 //   (1+nu)(1-2nu)
 #pragma once
@@ -21,12 +21,14 @@ enum class Integration {
 };
 
 // Element nodes (i, j), (i+1, j), (i, j+1), (i+1, j+1), two degrees of freedom each; per metre of thickness.
-Eigen::Matrix<double, 8, 8> element_matrix(double width_m, double height_m, double youngs_modulus_pa,
-                                           double poisson_ratio, Integration);
+template <class T>
+Eigen::Matrix<T, 8, 8> element_matrix(T width_m, T height_m, T youngs_modulus_pa, T poisson_ratio,
+                                      Integration);
 
 // Stiffness over all degrees of freedom of the grid, without supports.
-Eigen::SparseMatrix<double> assemble(const service::TissueGrid&, const service::Material&,
-                                     Integration = Integration::kSelectiveReduced);
+template <class T = double>
+Eigen::SparseMatrix<T> assemble(const service::TissueGrid&, const service::Material&,
+                                Integration = Integration::kSelectiveReduced);
 
 // Degrees of freedom held by the fixed edges, increasing.
 std::vector<std::size_t> fixed_dofs(const service::TissueGrid&, const service::Supports&);
