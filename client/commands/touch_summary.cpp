@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 
 #include "client/session/figures.h"
@@ -29,6 +30,37 @@ nlohmann::json solved_by(const std::map<v1::SolvePath, std::uint64_t>& answers) 
                                               : v1::SolvePath_Name(path).substr(sizeof("SOLVE_PATH_") - 1)] =
         static_cast<double>(count) / static_cast<double>(all);
   return shares;
+}
+
+// Of the mean answer, by the contract's names.
+nlohmann::json made_by(const TouchLinkStats& link) {
+  nlohmann::json terms = nlohmann::json::object();
+  for (const auto& [term, sum] : link.made_by)
+    terms[v1::ForceError::Term_Name(term).substr(sizeof("TERM_") - 1)] =
+        sum / static_cast<double>(link.force_budget.count());
+  return terms;
+}
+
+struct TermWords {
+  const char *name, *what, *remedy;
+};
+constexpr TermWords kTermWords[] = {
+    {"SOLVER", "the solver", "state a smaller --tolerance"},
+    {"MESH", "the nodes' spacing", "make a scene of finer nodes"},
+    {"FINITE_STRAIN", "the linear model", "press less deep"},
+    {"MODULUS", "the modulus", "image slices nearer to the finger, press the probe further"},
+    {"MODEL", "the closed form", "use --path gradients"},
+    {"DIMENSION", "the plane that stands for a solid", "make a solid scene of slices"},
+    {"CONTEXT", "tissue beside what was imaged", "image more of it"}};
+
+// The largest, and what would make it smaller.
+std::string largest_term(const nlohmann::json& made_by) {
+  const auto largest = std::ranges::max_element(
+      kTermWords, {}, [&](const TermWords& words) { return made_by.value(words.name, 0.0); });
+  const double by = made_by.value(largest->name, 0.0);
+  if (!(by > 0)) return "";
+  return fmt::format("            of that, {:.1f} % come from {}; to lower it, {}\n", 100 * by, largest->what,
+                     largest->remedy);
 }
 
 }  // namespace
@@ -96,7 +128,8 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
          {{"answers", link.force_budget.count()},
           {"p50", link.force_budget.percentile(0.5)},
           {"p95", link.force_budget.percentile(0.95)},
-          {"above", link.largest_above}}},
+          {"above", link.largest_above},
+          {"made_by", made_by(link)}}},
         {"law_pieces", link.law_pieces},
         {"tactile_images", link.tactile_images},
         {"tactile_dropped", link.tactile_dropped},
@@ -140,6 +173,7 @@ void print_summary(const nlohmann::json& json) {
         "  budget    forces are within %.1f %% of the tissue's (median), %.1f %% (95 %% of the answers), by "
         "what the model states\n",
         100 * budget["p50"].get<double>(), 100 * budget["p95"].get<double>());
+    std::printf("%s", largest_term(budget["made_by"]).c_str());
     if (const double above = budget["above"].get<double>(); above > 0)
       std::printf("            tissue that stiffens with strain may push back up to %.0f %% harder still\n",
                   100 * above);

@@ -144,6 +144,37 @@ TEST(TouchPeers, AnswersOfAnotherWayAreCountedApart) {
   EXPECT_EQ(told.stats.solved_by, expected);
 }
 
+TEST(TouchPeers, WhatEachTermMakesOfTheIntervalIsSummedUp) {
+  TouchAnswers told;
+  v1::TouchOpened opened;
+  opened.set_period_s(0.002);
+  opened.set_credit(2);
+  ASSERT_EQ(told.take_opened(opened, 1), "");
+  v1::TouchAnswer answer;
+  answer.set_status(v1::TOUCH_STATUS_OK);
+  for (const double m : {0.02, 0.0, 0.0}) answer.add_position_m(m), answer.add_force_n(0);
+  const auto add = [&](int term, v1::ForceError::Kind kind, double relative) {
+    v1::ForceError& error = *answer.mutable_budget()->add_terms();
+    error.set_term(static_cast<v1::ForceError::Term>(term)), error.set_kind(kind);
+    error.set_relative(relative);
+  };
+  // GIVEN terms whose squares make 0.5 and a bound
+  add(v1::ForceError::TERM_MODULUS, v1::ForceError::KIND_DEVIATION, 0.4);
+  add(v1::ForceError::TERM_CONTEXT, v1::ForceError::KIND_ESTIMATE, 0.3);
+  add(v1::ForceError::TERM_MESH, v1::ForceError::KIND_BOUND, 0.02);
+  // AND what no service sends
+  for (const double wrong : {-1.0, 1e300, std::nan("")})
+    add(v1::ForceError::TERM_MODULUS, v1::ForceError::KIND_DEVIATION, wrong);
+  add(99, v1::ForceError::KIND_BOUND, 1);
+  // WHEN two answers bring them THEN each counts by what the interval would be narrower without it
+  told.take_answer(answer, true, 1, 2);
+  told.take_answer(answer, true, 1, 2);
+  ASSERT_EQ(told.stats.made_by.size(), 3u);
+  EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_MODULUS], 2 * 1.96 * (0.5 - 0.3), 1e-12);
+  EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_CONTEXT], 2 * 1.96 * (0.5 - 0.4), 1e-12);
+  EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_MESH], 2 * 0.02, 1e-12);
+}
+
 TEST(TouchPeers, WhatIsBeingPreparedHasNoForceAndIsNoFailure) {
   FakePalpation service(test::socket_address("prepares"));
   service.prepares = true;
