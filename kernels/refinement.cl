@@ -141,9 +141,10 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_nois
 
 // Gradient of a field around each node, in field units per node step: (d/di of x, of y, d/dj of x, of y), the
 // mean over (2 radius_i + 1) x (2 radius_j + 1) nodes cut at the border. Exact for uniform strain everywhere.
+// strain: the magnitude of d/dj of y.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_gradient(
-    __global const float2* restrict field, __global float4* restrict gradient, const int nx, const int ny,
-    const int radius_i, const int radius_j) {
+    __global const float2* restrict field, __global float4* restrict gradient,
+    __global float* restrict strain, const int nx, const int ny, const int radius_i, const int radius_j) {
   const int node = get_global_id(0);
   if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
@@ -152,54 +153,56 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void local_grad
   float2 along = 0.0f, down = 0.0f;  // sums of differences between neighbours telescope
   for (int n = upper; n <= lower; ++n) along += field[right + nx * n] - field[left + nx * n];
   for (int m = left; m <= right; ++m) down += field[m + nx * lower] - field[m + nx * upper];
-  gradient[node] = (float4)(along / (float)(max(right - left, 1) * (lower - upper + 1)),
-                            down / (float)(max(lower - upper, 1) * (right - left + 1)));
+  down /= (float)(max(lower - upper, 1) * (right - left + 1));
+  gradient[node] = (float4)(along / (float)(max(right - left, 1) * (lower - upper + 1)), down);
+  strain[node] = fabs(down.y);
 }
 
 // The system of one Gauss-Newton step: minimises over the correction v of `field` u
 //   sum over nodes  v.h v - 2 v.b  +  sum over edges  weight (difference of u + v  -  mean gradient)^2,
 // h the information of local_noise(), b = sensitivity gd / (spread noise). model: weight of edges along i, of
-// edges along j, spread and sensitivity, each lateral and axial. Writes the 9-point stencil (solver's
-// stencil.clh) and the right-hand side.
+// edges along j, spread and sensitivity, each lateral and axial. Writes the nodes' own blocks and the
+// right-hand side as node_gradients.cl has them, `stride` nodes from row to row.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void assemble(
     __global const float8* restrict terms, __global const float* restrict noise,
     __global const float2* restrict information, __global const float2* restrict field,
     __global const float4* restrict gradient, __global const float2* restrict model,
-    __global float4* restrict stencil, __global float2* restrict rhs, const int nx, const int ny) {
-  const int node = get_global_id(0), nodes = nx * ny;
-  if (node >= nodes) return;
+    __global float2* restrict diagonal, __global float2* restrict cross, __global float2* restrict rhs,
+    const int nx, const int ny, const int stride) {
+  const int node = get_global_id(0);
+  if (node >= nx * ny) return;
   const int i = node % nx, j = node / nx;
   const float2 weight_along = model[0], weight_down = model[1], sensitivity = model[3];
   const float8 t = terms[node];
   const float2 gain = noise[node] > 0.0f ? sensitivity / (model[2] * noise[node]) : (float2)(0.0f);
-  const float cross = sqrt(gain.x * gain.y * sensitivity.x * sensitivity.y) * t.s1;
   float2 sum = gain * (float2)(t.s3, t.s4);
   float2 centre = information[node] + 1e-6f * (weight_along + weight_down);  // definite without any echo too
   const float2 own = field[node];
   const float4 slope = gradient[node];
-  for (int k = 0; k < 9; ++k) {
+  for (int k = 1; k < 9; k += 2) {
     const int di = k % 3 - 1, dj = k / 3 - 1, to = node + di + nx * dj;
-    const bool edge = (di == 0) != (dj == 0) && i + di >= 0 && i + di < nx && j + dj >= 0 && j + dj < ny;
-    const float2 weight = edge ? (dj == 0 ? weight_along : weight_down) : (float2)(0.0f);
-    if (edge) {
-      const float4 mean = 0.5f * (slope + gradient[to]);
-      const float2 expected = dj == 0 ? (float)di * mean.lo : (float)dj * mean.hi;
-      centre += weight;
-      sum += weight * (field[to] - own - expected);
-    }
-    if (k != 4) stencil[k * nodes + node] = (float4)(-weight.x, 0.0f, 0.0f, -weight.y);
+    if (i + di < 0 || i + di >= nx || j + dj < 0 || j + dj >= ny) continue;
+    const float4 mean = 0.5f * (slope + gradient[to]);
+    const float2 weight = dj == 0 ? weight_along : weight_down,
+                 expected = dj == 0 ? (float)di * mean.lo : (float)dj * mean.hi;
+    centre += weight;
+    sum += weight * (field[to] - own - expected);
   }
-  stencil[4 * nodes + node] = (float4)(centre.x, cross, cross, centre.y);
-  rhs[node] = sum;
+  const int at = i + stride * (j + 1);
+  diagonal[at] = centre;
+  cross[at] = sqrt(gain.x * gain.y * sensitivity.x * sensitivity.y) * t.s1;
+  rhs[at] = sum;
 }
 
-// field + correction, limited to (lateral, axial).
+// field + correction, limited to (lateral, axial); the correction as node_gradients.cl has it.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void correct(
     __global const float2* restrict field, __global const float2* restrict correction,
-    __global float2* restrict out, const int nodes, const float lateral_limit, const float axial_limit) {
+    __global float2* restrict out, const int nx, const int ny, const int stride, const float lateral_limit,
+    const float axial_limit) {
   const int node = get_global_id(0);
+  if (node >= nx * ny) return;
   const float2 limit = (float2)(lateral_limit, axial_limit);
-  if (node < nodes) out[node] = field[node] + clamp(correction[node], -limit, limit);
+  out[node] = field[node] + clamp(correction[node % nx + stride * (node / nx + 1)], -limit, limit);
 }
 
 // How the edges pull each node of the final `field` away from where its pixels want it, information x

@@ -16,7 +16,6 @@ namespace {
 
 constexpr int kWarpRun = 16;                          // WARP_RUN of displacement.cl
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
-constexpr int kRefinements = 3;                       // Gauss-Newton steps, each with its own warp
 // From what holds no echo: half of the strain's kernel.
 constexpr double kEchoesAxialM = 1.25e-3, kEchoesLateralM = 1e-3;
 constexpr double kOutlierDistanceM = 12e-6;  // from the median of the neighbours' corrections, axially
@@ -107,7 +106,7 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const Displaceme
 
 // About what allocate() and the refinement take: asked for as a whole, so that nothing is taken in vain.
 std::uint64_t DisplacementEstimator::Workspace::bytes() const {
-  constexpr std::uint64_t kImages = 8, kPerImageNode = 90 + 9, kPerNode = 8;  // floats
+  constexpr std::uint64_t kImages = 8, kPerImageNode = 54 + 9, kPerNode = 8;  // floats
   const auto image_nodes = static_cast<std::uint64_t>(found.grid.nodes());
   const std::uint64_t nodes = std::max<std::uint64_t>({plan.coarse.nodes(), plan.fine.nodes(), image_nodes});
   return plan.device_bytes() +
@@ -168,23 +167,22 @@ void DisplacementEstimator::refine() {
   const auto tolerance = static_cast<float>(kOutlierDistanceM / w.plan.sample_pitch_m);
   kernels_->resample(over(g.nodes()), w.field, w.candidate, w.plan.fine.grid, g);
   std::swap(w.field, w.candidate);
-  found.unsolved.reset();
-  for (int n = 0; n < kRefinements; ++n) {
-    const bool last = n + 1 == kRefinements;
+  for (int n = 0; n < kRefinementSteps; ++n) {
+    const bool last = n + 1 == kRefinementSteps;
     if (n > 0) std::swap(w.filtered, w.field);
     warp(g, true);
     const Autocorrelations a = w.refinement->measure(
         {w.mean, w.difference, w.pad.layout, w.plan.samples, w.plan.lines}, last, found.correlation);
-    w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period, last);
-    if (w.refinement->solved().reason != StopReason::kConverged) found.unsolved = w.refinement->solved();
-    if (n + 2 == kRefinements) filter_frames(a);
+    w.refinement->step(w.field, w.candidate, 1.0f, 0.25f * w.period, n);
+    if (n + 2 == kRefinementSteps) filter_frames(a);
     kernels_->median_filter(over(g.nodes()), w.candidate, w.field, found.correlation, w.filtered, w.deviation,
                             g.nx, g.ny, 2, threshold, 0.25f, tolerance);
   }
-  found.noise = w.refinement->uncertainty(w.filtered, kRefinements, found.information, found.std_m);
   kernels_->report(over(g.nodes()), w.filtered, found.correlation, w.deviation, w.pre_inner, w.post_inner,
                    found.field_m, found.trusted, g, w.plan.lines, static_cast<float>(w.plan.line_pitch_m),
                    static_cast<float>(w.plan.sample_pitch_m), threshold, tolerance);
+  const Refinement::Uncertainty said = w.refinement->uncertainty(w.filtered, found.information, found.std_m);
+  found.noise = said.noise, found.unsolved = said.unsolved;
 }
 
 void DisplacementEstimator::warp(const SampleGrid& g, bool pair) {

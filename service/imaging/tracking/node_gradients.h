@@ -1,30 +1,48 @@
-// Conjugate gradients for a refinement step (T2.3): one right-hand side, a 9-point stencil, the nodes' own
-// blocks as preconditioner, two launches an iteration (kernels/node_gradients.cl). The smoothing reaches over
-// a few nodes at most, so that a multigrid cycle saves three of four iterations and costs more than it saves.
+// Conjugate gradients for a refinement step (T2.3): one right-hand side, a block per node and constant
+// weights to the four beside it, the nodes' own blocks as preconditioner, a whole solve in one launch of one
+// work-group (kernels/node_gradients.cl). The smoothing reaches over a few nodes at most, so that a multigrid
+// cycle saves three of four iterations and costs more than it saves.
 #pragma once
 
-#include <array>
+#include <cstddef>
 
 #include "service/device/device.h"
 #include "service/solver/pcg.h"
 
 namespace teletact::service {
 
+// Where the numbers of a node stand, two each: i + stride (j + 1), between nodes that are none and stay zero.
+struct NodeLayout {
+  NodeLayout(int nx, int ny, std::size_t width);
+  int stride, count;  // nodes from one row to the next; vectors of `width` numbers from the first node on
+  std::size_t size;   // numbers
+};
+
+// A x = r; weights: of the edges along i, of those along j, lateral and axial each.
+struct NodeSystem {
+  const Array<float>&diagonal, &cross;  // of the nodes' own blocks; both sides of the diagonal
+  const Array<float>& weights;
+};
+
 class NodeGradients {
  public:
+  static constexpr std::size_t kEnd = 6;  // numbers that say how a solve ended
   NodeGradients(const Queue&, int nx, int ny);
-  // x of A x = r from x = 0, up to ||r|| / ||r_0|| = options.relative_residual; r: out, the residual. Of the
-  // result what says why and when it stopped. When it looks changes nothing: where the last one ended, then
-  // every options.look_every iterations. Throws std::invalid_argument unless that is at least 1.
-  PcgResult solve(const Array<float>& stencil, Array<float>& r, Array<float>& x, const PcgOptions& options);
+  // x from x = 0, up to ||r|| / ||r_0|| = options.relative_residual; r: out, the residual. Reads nothing:
+  // the kEnd numbers of `ends` from `at` on become what result() understands.
+  void solve(const NodeSystem&, Array<float>& r, Array<float>& x, Array<float>& ends, std::size_t at,
+             const PcgOptions& options);
+  // Why and when it stopped.
+  static PcgResult result(const float* end);
+  const NodeLayout& layout() const { return layout_; }
+  Array<float> array() const;  // zeros, in the layout
 
  private:
   Queue queue_;
-  int nx_, ny_, chunk_, parts_;
-  std::size_t group_, expected_ = 1;  // iterations
-  Array<float> z_, ap_, curvature_, marks_;
-  std::array<Array<float>, 2> p_;
-  Kernel step_, turn_;
+  std::size_t group_, width_;
+  NodeLayout layout_;
+  Array<float> z_, p_, ap_;
+  Kernel solve_;
 };
 
 }  // namespace teletact::service

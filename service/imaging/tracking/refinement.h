@@ -11,6 +11,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "service/device/device.h"
@@ -22,10 +23,11 @@
 namespace teletact::service {
 
 inline constexpr int kGradientRadius = 3;
+inline constexpr int kRefinementSteps = 3;  // of a field, each with its own pair
 // The linear solve of the last step; the steps before it may leave three times the residual. 15 to 30
 // iterations are usual.
 inline constexpr PcgOptions kRefinementSolve{
-    .relative_error = 0, .relative_residual = 3e-2, .max_iterations = 200, .look_every = 4};
+    .relative_error = 0, .relative_residual = 3e-2, .max_iterations = 200};
 
 struct ImagePair {
   const Array<float>&mean, &difference;  // padded
@@ -48,22 +50,27 @@ class Refinement {
   // kernels/pulse.cl).
   Autocorrelations measure(const ImagePair&, bool robust, Array<float>& correlation);
   // From what was measured last: out = field + correction, at most `lateral_limit` lines and `axial_limit`
-  // samples. `last`: no other step follows.
-  void step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit, bool last);
-  // Standard deviation (m) and information averaged over the estimator's footprint, 2 per node, of the final
-  // field after `steps` steps, the bias by smoothing included.
-  std::shared_ptr<const NoiseStructure> uncertainty(const Array<float>& field, int steps,
-                                                    Array<float>& information, Array<float>& deviation_m);
+  // samples. `number`: of the steps, from 0 on. Reads nothing.
+  void step(const Array<float>& field, Array<float>& out, float lateral_limit, float axial_limit, int number);
+  // After all steps: standard deviation (m) and information averaged over the estimator's footprint, 2 per
+  // node, of the final field, the bias by smoothing included.
+  struct Uncertainty {
+    std::shared_ptr<const NoiseStructure> noise;
+    std::optional<PcgResult> unsolved;  // the last step whose linear solve did not end well
+  };
+  Uncertainty uncertainty(const Array<float>& field, Array<float>& information, Array<float>& deviation_m);
   // The last step's, each lateral, axial: weights of the edges along i, of those along j, spread and
-  // sensitivity of the noise.
-  const std::vector<float>& model() const { return weights_; }
-  const PcgResult& solved() const { return solved_; }  // the last step's linear solve
+  // sensitivity of the noise, median information, smoothing length (m); then how the solves ended.
+  static constexpr std::size_t kModel = 12;
+  std::vector<float> model() const { return queue_.read(model_); }
+  static PcgResult solved(const std::vector<float>& model, int number);
 
  private:
   struct Kernels;
+  Autocorrelations added_up() const;
+  void add_terms(const ImagePair&);
   void gather(const ImagePair&, bool robust, Array<float>& correlation);
   void weigh(const Array<float>& field);
-  void find_medians();
   void look_up(const NoiseStructure&, const std::vector<int>& radii, Array<float>& information,
                Array<float>& deviation_m);
 
@@ -71,17 +78,14 @@ class Refinement {
   PcgOptions options_;
   SampleGrid grid_;
   double line_pitch_m_, sample_pitch_m_, dx_m_, dy_m_;
-  std::shared_ptr<Kernels> kernels_;
   NodeGradients gradients_;
-  Array<float> stencil_;
-  NoiseModel noise_model_;
-  std::array<double, 2> smoothing_m_{}, median_information_{};
-  PcgResult solved_;
+  std::size_t group_, width_;  // of the group that finds the medians
+  std::shared_ptr<Kernels> kernels_;
   int chunks_ = 1;
-  std::vector<float> weights_;  // model()
-  Array<float> hat_, noise_, terms_, pixels_, pulses_, gradient_, model_, rhs_, correction_, information_,
-      pull_, bias_;
+  Array<float> hat_, noise_, terms_, pixels_, pulses_, gradient_, strain_, model_, diagonal_, cross_, rhs_,
+      correction_, information_, pull_, bias_;
   Array<float> products_;
+  std::vector<float> product_sums_;  // as they were read
 };
 
 }  // namespace teletact::service

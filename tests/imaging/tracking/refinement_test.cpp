@@ -14,6 +14,7 @@ namespace teletact::service {
 namespace {
 
 constexpr double kLine = 0.235e-3, kSample = 19.25e-6;
+constexpr int kLast = kRefinementSteps - 1;
 
 // A noisy pair, slightly apart, as mean and difference on 211 x 23 samples, with some pixels far off.
 class RefinementTest : public ::testing::Test {
@@ -72,10 +73,10 @@ TEST_F(RefinementTest, StepMatchesTheReference) {
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure(images(), true, correlation);
   const std::vector<float> start = field();
-  refinement.step(queue_.array(start), out, 1e6f, 1e6f, true);
-  EXPECT_EQ(refinement.solved().reason, StopReason::kConverged);
+  refinement.step(queue_.array(start), out, 1e6f, 1e6f, kLast);
+  const std::vector<float> m = refinement.model();
+  EXPECT_EQ(Refinement::solved(m, kLast).reason, StopReason::kConverged);
 
-  const std::vector<float>& m = refinement.model();
   reference::RegularisedModel model;
   model.weight_along = {m[0], m[1]}, model.weight_down = {m[2], m[3]};
   model.spread = {m[4], m[5]}, model.sensitivity = {m[6], m[7]};
@@ -102,7 +103,7 @@ TEST_F(RefinementTest, ACorrectionIsAsLongAsIsAllowedAtMost) {
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure(images(), true, correlation);
   const std::vector<float> start = field();
-  refinement.step(queue_.array(start), out, kLateral, kAxial, true);
+  refinement.step(queue_.array(start), out, kLateral, kAxial, kLast);
   const std::vector<float> got = queue_.read(out);
   int cut[2] = {};
   for (std::size_t n = 0; n < got.size(); ++n) {
@@ -147,7 +148,7 @@ TEST_F(RefinementTest, UniformStrainStaysAsItIs) {
   }
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure({mean_device_, still, pad_.layout, 211, 23}, false, correlation);
-  refinement.step(queue_.array(start), out, 1, 1, true);
+  refinement.step(queue_.array(start), out, 1, 1, kLast);
   const std::vector<float> got = queue_.read(out);
   for (std::size_t n = 0; n < got.size(); ++n) EXPECT_NEAR(got[n], start[n], 1e-5) << n;
 }
@@ -160,7 +161,7 @@ TEST_F(RefinementTest, SilentFramesKeepTheField) {
   const Array<float> start = queue_.array(std::vector<float>(2 * nodes, 0.25f));
   Array<float> out = queue_.array<float>(2 * nodes), correlation = queue_.array<float>(nodes);
   refinement.measure({silent, silent, pad_.layout, 211, 23}, true, correlation);
-  refinement.step(start, out, 1, 1, true);
+  refinement.step(start, out, 1, 1, kLast);
   for (const float u : queue_.read(out)) EXPECT_EQ(u, 0.25f);
   for (const float c : queue_.read(correlation)) EXPECT_EQ(c, -2);
 }
