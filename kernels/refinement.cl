@@ -40,10 +40,14 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
 }
 
 // Symmetric filter: out(k) = taps[0] in(k) + sum_n taps[n] (in(k - n step) + in(k + n step)), n <= reach;
-// step 1: along the A-lines, `stride`: across them. Items: (8 samples, line).
+// step 1: along the A-lines, `stride`: across them. Of two images. Items: (8 samples, line, image).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
-    __global const float* restrict in, __global float* restrict out, __global const float* restrict taps,
-    const int reach, const int step, const int sample_count, const Layout layout) {
+    __global const float* restrict pre, __global const float* restrict post, __global float* restrict pre_out,
+    __global float* restrict post_out, __global const float* restrict taps, const int reach, const int step,
+    const int sample_count, const Layout layout) {
+  const bool second = get_global_id(2) != 0;
+  __global const float* const in = second ? post : pre;
+  __global float* const out = second ? post_out : pre_out;
   const int k = 8 * get_global_id(0), l = get_global_id(1);
   if (k >= sample_count) return;
   __global const float* const p = in + layout.origin + l * layout.stride + k;

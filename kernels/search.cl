@@ -16,15 +16,33 @@ float parabola(const float before, const float peak, const float after) {
   return curvature < -1e-6f ? clamp(0.5f * (before - after) / curvature, -0.5f, 0.5f) : 0.0f;
 }
 
+// Whether a node stands where its line holds echoes. Few samples correlate with anything: what the windows of
+// nodes in silence hear of echoes beside it counts as no correlation.
+bool hears(__global const int2* restrict spans, const Nodes g, const int node) {
+  const int2 span = spans[line_of(g, node)];
+  const int sample = sample_of(g, node);
+  return sample >= span.x && sample < span.y;
+}
+
+// `count` blocks of 8 samples that start `step` apart from `first` on.
+typedef struct {
+  int first, step, count;
+} Blocks;
+
 // Energy of the axial windows of every line: out(k) = sum over -half_axial..half_axial, every
-// sample_stride-th, of image(k + n)^2, for `count` blocks of 8 samples k that start `step` apart from `first`
-// on. Items: (block, line).
+// sample_stride-th, of image(k + n)^2, for the samples k of the blocks of two images. Items: (block, line,
+// image).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void window_energy(
-    __global const float* restrict image, __global float* restrict out, const int first, const int step,
-    const int count, const int half_axial, const int sample_stride, const Layout layout) {
+    __global const float* restrict pre, __global const float* restrict post, __global float* restrict pre_out,
+    __global float* restrict post_out, const Blocks of_pre, const Blocks of_post, const int half_axial,
+    const int sample_stride, const Layout layout) {
+  const bool second = get_global_id(2) != 0;
+  const Blocks blocks = second ? of_post : of_pre;
+  __global const float* const image = second ? post : pre;
+  __global float* const out = second ? post_out : pre_out;
   const int block = get_global_id(0);
-  if (block >= count) return;
-  const int at = layout.origin + (int)get_global_id(1) * layout.stride + first + step * block;
+  if (block >= blocks.count) return;
+  const int at = layout.origin + (int)get_global_id(1) * layout.stride + blocks.first + blocks.step * block;
   float8 sum = 0.0f;
   for (int n = -half_axial; n <= half_axial; n += sample_stride) {
     const float8 v = vload8(0, image + at + n);
@@ -112,32 +130,34 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc(
 
 // Of a volume of ncc() the largest over the lateral lags: out[(node * chunks + c) * 8 + n].
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void best_lateral(
-    __global const float* restrict volume, __global float* restrict out, const int nodes, const int chunks,
-    const int lateral_count) {
+    __global const float* restrict volume, __global const int2* restrict spans, __global float* restrict out,
+    const Nodes g, const int chunks, const int lateral_count) {
   const int id = get_global_id(0);
-  if (id >= nodes * chunks) return;
+  if (id >= g.nx * g.ny * chunks) return;
   const int first = id / chunks * lateral_count * chunks + id % chunks;
   float8 best = vload8(first, volume);
   for (int m = 1; m < lateral_count; ++m) best = fmax(best, vload8(first + m * chunks, volume));
-  vstore8(best, id, out);
+  vstore8(hears(spans, g, id / chunks) ? best : (float8)(0.0f), id, out);
 }
 
 // Of a volume of ncc() the lateral lags at one axial lag of each node, lags[node] from the first:
 // out[node * lateral_count + m].
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void laterals_at(
-    __global const float* restrict volume, __global const int* restrict lags, __global float* restrict out,
-    const int nodes, const int chunks, const int lateral_count) {
-  const int id = get_global_id(0);
-  if (id < nodes * lateral_count) out[id] = volume[id * chunks * 8 + lags[id / lateral_count]];
+    __global const float* restrict volume, __global const int2* restrict spans,
+    __global const int* restrict lags, __global float* restrict out, const Nodes g, const int chunks,
+    const int lateral_count) {
+  const int id = get_global_id(0), node = id / lateral_count;
+  if (node >= g.nx * g.ny) return;
+  out[id] = hears(spans, g, node) ? volume[id * chunks * 8 + lags[node]] : 0.0f;
 }
 
 // The peak of ncc() with one chunk of axial lags, lateral_step 1: adds its sub-sample position to `field`.
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc_peak(
-    __global const float* restrict volume, __global const float2* restrict field,
-    __global float2* restrict out, __global float* restrict peak, const int nodes, const int first_lag,
-    const int first_lateral, const int lateral_count) {
+    __global const float* restrict volume, __global const int2* restrict spans,
+    __global const float2* restrict field, __global float2* restrict out, __global float* restrict peak,
+    const Nodes g, const int first_lag, const int first_lateral, const int lateral_count) {
   const int node = get_global_id(0);
-  if (node >= nodes) return;
+  if (node >= g.nx * g.ny) return;
   __global const float* const v = volume + node * lateral_count * 8;
   int best = 0;
   for (int n = 1; n < lateral_count * 8; ++n) best = v[n] > v[best] ? n : best;
@@ -145,5 +165,5 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void ncc_peak(
   const float axial = lag > 0 && lag < 7 ? parabola(v[best - 1], v[best], v[best + 1]) : 0.0f;
   const float lateral = m > 0 && m < lateral_count - 1 ? parabola(v[best - 8], v[best], v[best + 8]) : 0.0f;
   out[node] = field[node] + (float2)((float)(first_lateral + m) + lateral, (float)(first_lag + lag) + axial);
-  peak[node] = v[best];
+  peak[node] = hears(spans, g, node) ? v[best] : 0.0f;
 }

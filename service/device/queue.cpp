@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kPendingLaunches = 4096;
 
 // Kept at most of what is on its way to the device; a larger write waits.
-constexpr std::size_t kMaxSentBytes = std::size_t{4} << 20;
+constexpr std::size_t kMaxSentBytes = std::size_t{8} << 20;
 
 // On a thread that looks up: of work that a queue may have ahead, and bytes that are moved at once.
 constexpr double kAheadS = 0.01;

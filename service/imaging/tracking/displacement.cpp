@@ -64,7 +64,6 @@ struct DisplacementEstimator::Workspace {
   Array<float> field, candidate, filtered;  // 2 per node of the largest grid
   Array<float> deviation;                   // 1 per node
   // 1 per line: where it holds echoes, and where it does so all about.
-  std::vector<EchoSpan> heard;  // of pre
   Array<EchoSpan> pre_spans, post_spans, pre_inner, post_inner;
   std::unique_ptr<Search> search;
   std::unique_ptr<Refinement> refinement;
@@ -145,11 +144,11 @@ Range DisplacementEstimator::over_samples(int run) const {
 void DisplacementEstimator::search() {
   Workspace& w = *work_;
   const SampleGrid &c = w.plan.coarse.grid, &g = w.plan.fine.grid;
-  w.search->coarse(kernels_->search, w.heard, w.frames.pre, w.frames.post, w.candidate);
+  w.search->coarse(kernels_->search, w.pre_spans, w.frames.pre, w.frames.post, w.candidate);
   kernels_->smooth(over(c.nodes()), w.candidate, w.field, c.nx, c.ny);
   warp(c, false);
   kernels_->resample(over(g.nodes()), w.field, w.filtered, c, g);
-  w.search->fine(kernels_->search, w.heard, w.frames.pre, w.mean, w.filtered, w.candidate,
+  w.search->fine(kernels_->search, w.pre_spans, w.frames.pre, w.mean, w.filtered, w.candidate,
                  w.found.correlation);
   const auto threshold = static_cast<float>(kTrustedCorrelation - 0.2);
   kernels_->median_filter(over(g.nodes()), w.candidate, w.filtered, w.found.correlation, w.field, w.deviation,
@@ -197,14 +196,13 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
   Workspace& w = *work_;
   const MatchedFilter filter = matched_filter(a, kFilterSamples, kFilterLines);
   const Array<float> axial = sent(queue_, filter.axial), lateral = sent(queue_, filter.lateral);
-  const Range range = over_samples(8);
-  const auto both = [&](const Array<float>& from, Array<float>& to) {  // `mean` is free between two steps
-    kernels_->filter_lines(range, from, w.mean, axial, kFilterSamples, 1, w.plan.samples, w.pad.layout);
-    kernels_->filter_lines(range, w.mean, to, lateral, kFilterLines, w.pad.layout.stride, w.plan.samples,
-                           w.pad.layout);
-  };
-  both(w.frames.pre, w.filtered_frames.pre);
-  both(w.frames.post, w.filtered_frames.post);
+  Range range = over_samples(8);
+  range.global[2] = 2;
+  // `mean` and `difference` are free between two steps.
+  kernels_->filter_lines(range, w.frames.pre, w.frames.post, w.mean, w.difference, axial, kFilterSamples, 1,
+                         w.plan.samples, w.pad.layout);
+  kernels_->filter_lines(range, w.mean, w.difference, w.filtered_frames.pre, w.filtered_frames.post, lateral,
+                         kFilterLines, w.pad.layout.stride, w.plan.samples, w.pad.layout);
   w.matched = true;
 }
 
@@ -227,9 +225,8 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
       span.end = std::min(span.end, std::max(end, span.first));
       span.first = std::max(span.first, std::min(first, span.end));
     }
-    queue_.write(image, padded(frame, w.pad, lines).data(), w.pad.total);
+    queue_.send(image, padded(frame, w.pad, lines).data(), w.pad.total);
     queue_.send(spans, lines.data(), lines.size());
-    if (&frame == &pre) w.heard = lines;
     lines = away_from_silence(lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
                               half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
     queue_.send(inner, lines.data(), lines.size());

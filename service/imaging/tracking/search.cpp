@@ -125,47 +125,27 @@ void Search::correlate(SearchKernels& kernels, const SearchLevel& level, const A
   const SampleGrid& g = level.grid;
   const SearchLags& lags = level.lags;
   const int half_axial = level.window.half_axial;
-  const auto energy = [&](const Array<float>& image, Array<float>& out, int first, int step, int count) {
-    kernels.window_energy(
-        {{static_cast<std::size_t>(count), static_cast<std::size_t>(plan_.lines), 1}, {16, 1, 1}}, image, out,
-        first, step, count, half_axial, kDecimation, layout_);
-  };
-  energy(pre, pre_energy_, g.first_sample, g.sample_step, g.ny);  // at the nodes alone
-  const int margin = half_axial + 8;                              // echoes end so far outside of the frame
-  if (lags.chunks == 1)
-    energy(post, post_energy_, g.first_sample + lags.first, g.sample_step, g.ny);
-  else
-    energy(post, post_energy_, -margin, 8, (plan_.samples + 2 * margin + 7) / 8);
+  const SampleBlocks of_pre{g.first_sample, g.sample_step, g.ny};  // at the nodes alone
+  const int margin = half_axial + 8;                               // echoes end so far outside of the frame
+  const SampleBlocks of_post = lags.chunks == 1
+                                   ? SampleBlocks{g.first_sample + lags.first, g.sample_step, g.ny}
+                                   : SampleBlocks{-margin, 8, (plan_.samples + 2 * margin + 7) / 8};
+  const auto blocks = static_cast<std::size_t>(std::max(of_pre.count, of_post.count));
+  kernels.window_energy({{blocks, static_cast<std::size_t>(plan_.lines), 2}, {16, 1, 1}}, pre, post,
+                        pre_energy_, post_energy_, of_pre, of_post, half_axial, kDecimation, layout_);
   const int groups = (lags.laterals + kNccLaterals - 1) / kNccLaterals;
   kernels.ncc(over(g.nodes() * groups * lags.chunks), pre, post, pre_energy_, post_energy_, volume, g,
               layout_, level.window, lags);
 }
 
-// Few samples correlate with anything: what the windows of nodes in silence hear of echoes beside it is left
-// out. `values`, so many per node.
-static bool leave_out_silence(const std::vector<EchoSpan>& spans, const SampleGrid& g, std::size_t per_node,
-                              std::vector<float>& values) {
-  bool any = false;
-  for (int node = 0; node < g.nodes(); ++node) {
-    const EchoSpan& span = spans[static_cast<std::size_t>(g.first_line + node % g.nx * g.line_step)];
-    const int sample = g.first_sample + node / g.nx * g.sample_step;
-    if (sample >= span.first && sample < span.end) continue;
-    any = true;
-    std::fill_n(values.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(node) * per_node),
-                per_node, 0.0f);
-  }
-  return any;
-}
-
-void Search::coarse(SearchKernels& kernels, const std::vector<EchoSpan>& spans, const Array<float>& pre,
+void Search::coarse(SearchKernels& kernels, const Array<EchoSpan>& spans, const Array<float>& pre,
                     const Array<float>& post, Array<float>& field) {
   const SampleGrid& g = plan_.coarse.grid;
   const SearchLags& lags = plan_.coarse.lags;
   correlate(kernels, plan_.coarse, pre, post, coarse_volume_);
-  kernels.best_lateral(over(g.nodes() * lags.chunks), coarse_volume_, best_lateral_, g.nodes(), lags.chunks,
+  kernels.best_lateral(over(g.nodes() * lags.chunks), coarse_volume_, spans, best_lateral_, g, lags.chunks,
                        lags.laterals);
-  LagVolume volume{g.nx, g.ny, 8 * lags.chunks, queue_.read(best_lateral_)};
-  leave_out_silence(spans, g, plan_.coarse.axial_lags(), volume.correlation);
+  const LagVolume volume{g.nx, g.ny, 8 * lags.chunks, queue_.read(best_lateral_)};
   check_cancelled();
   const auto reach = [&](double length_m) {  // samples that the lag may change by over this length
     return static_cast<int>(std::ceil(plan_.max_strain * length_m / plan_.sample_pitch_m)) + 1;
@@ -176,10 +156,9 @@ void Search::coarse(SearchKernels& kernels, const std::vector<EchoSpan>& spans, 
   whole.reserve(axial.size());
   for (const float lag : axial) whole.push_back(static_cast<int>(std::lround(lag)));
   queue_.send(axial_lags_, whole.data(), whole.size());
-  kernels.laterals_at(over(g.nodes() * lags.laterals), coarse_volume_, axial_lags_, laterals_at_, g.nodes(),
+  kernels.laterals_at(over(g.nodes() * lags.laterals), coarse_volume_, spans, axial_lags_, laterals_at_, g,
                       lags.chunks, lags.laterals);
-  LagVolume across{g.nx, g.ny, lags.laterals, queue_.read(laterals_at_)};
-  leave_out_silence(spans, g, plan_.coarse.laterals(), across.correlation);
+  const LagVolume across{g.nx, g.ny, lags.laterals, queue_.read(laterals_at_)};
   const std::vector<float> lateral = find_paths(across, 1, 1, kLateralSlopeCost);
   std::vector<float> found;
   const int middle = lags.laterals / 2;
@@ -190,16 +169,13 @@ void Search::coarse(SearchKernels& kernels, const std::vector<EchoSpan>& spans, 
   queue_.send(field, found.data(), found.size());
 }
 
-void Search::fine(SearchKernels& kernels, const std::vector<EchoSpan>& spans, const Array<float>& pre,
+void Search::fine(SearchKernels& kernels, const Array<EchoSpan>& spans, const Array<float>& pre,
                   const Array<float>& warped_post, const Array<float>& start, Array<float>& field,
                   Array<float>& correlation) {
   const SearchLevel& level = plan_.fine;
   correlate(kernels, level, pre, warped_post, fine_volume_);
-  kernels.ncc_peak(over(level.grid.nodes()), fine_volume_, start, field, correlation, level.grid.nodes(),
+  kernels.ncc_peak(over(level.grid.nodes()), fine_volume_, spans, start, field, correlation, level.grid,
                    level.lags.first, level.lags.first_lateral, level.lags.laterals);
-  std::vector<float> heard(level.nodes());
-  queue_.read(correlation, heard.data(), heard.size());
-  if (leave_out_silence(spans, level.grid, 1, heard)) queue_.send(correlation, heard.data(), heard.size());
 }
 
 namespace {

@@ -28,6 +28,12 @@ struct SearchLags {
 };
 static_assert(sizeof(SearchLags) == 9 * sizeof(int));
 
+// An argument of kernels: Blocks.
+struct SampleBlocks {
+  int first = 0, step = 1, count = 0;
+};
+static_assert(sizeof(SampleBlocks) == 3 * sizeof(int));
+
 struct SearchLevel {
   SampleGrid grid;
   SearchWindow window;
@@ -73,11 +79,11 @@ class Search {
  public:
   Search(const Queue&, const SearchPlan&, const Padding&);
   // The lags on the coarse grid that neighbours can reach within the largest strain (find_paths), 2 per node.
-  // Nodes outside of the spans, one for each line, have no say.
-  void coarse(SearchKernels&, const std::vector<EchoSpan>&, const Array<float>& pre, const Array<float>& post,
+  // Nodes outside of the spans, one for each line of pre, have no say.
+  void coarse(SearchKernels&, const Array<EchoSpan>& spans, const Array<float>& pre, const Array<float>& post,
               Array<float>& field);
   // On the fine grid: `start` and the peak beside it, 2 per node; correlation there.
-  void fine(SearchKernels&, const std::vector<EchoSpan>&, const Array<float>& pre,
+  void fine(SearchKernels&, const Array<EchoSpan>& spans, const Array<float>& pre,
             const Array<float>& warped_post, const Array<float>& start, Array<float>& field,
             Array<float>& correlation);
 

@@ -53,10 +53,11 @@ class DisplacementKernels : public ::testing::Test {
     Array<float> volume = queue_.array<float>(items * 8), pre_energy = queue_.array<float>(pad_.total),
                  post_energy = queue_.array<float>(pad_.total);
     for (Array<float>* array : {&volume, &pre_energy, &post_energy}) queue_.fill_zero(*array);
-    search("window_energy")({{static_cast<std::size_t>(grid.ny), 17, 1}, {16, 1, 1}}, pre_device_, pre_energy,
-                            grid.first_sample, grid.sample_step, grid.ny, half_axial, stride, pad_.layout);
-    search("window_energy")({{static_cast<std::size_t>(samples + 7) / 8, 17, 1}, {16, 1, 1}}, post_device_,
-                            post_energy, -margin, 8, (samples + 7) / 8, half_axial, stride, pad_.layout);
+    const SampleBlocks of_pre{grid.first_sample, grid.sample_step, grid.ny},
+        of_post{-margin, 8, (samples + 7) / 8};
+    search("window_energy")(
+        {{static_cast<std::size_t>(std::max(of_pre.count, of_post.count)), 17, 2}, {16, 1, 1}}, pre_device_,
+        post_device_, pre_energy, post_energy, of_pre, of_post, half_axial, stride, pad_.layout);
     search("ncc")(over(static_cast<int>(items)), pre_device_, post_device_, pre_energy, post_energy, volume,
                   grid, pad_.layout, SearchWindow{half_axial, half_lateral, stride, line_stride},
                   SearchLags{first_lag, chunks, -2 * lateral_step, lateral_step, lateral_count, 7.5f, 0.02f,
@@ -110,14 +111,21 @@ TEST_F(DisplacementKernels, BestLateralLagAndThoseAtOneAxialLag) {
   for (int node = 0; node < nodes; ++node) lags.push_back(5 * node % 16);
   const Array<float> v = queue_.array(volume), best = queue_.array<float>(nodes * chunks * 8),
                      at = queue_.array<float>(nodes * laterals);
-  search("best_lateral")(over(nodes * chunks), v, best, nodes, chunks, laterals);
-  search("laterals_at")(over(nodes * laterals), v, queue_.array(lags), at, nodes, chunks, laterals);
+  const SampleGrid g{nodes, 1, 0, 1, 10, 1};
+  std::vector<EchoSpan> lines(nodes, {0, 20});
+  constexpr int kSilent = 3, kEnds = 5;  // before and behind what these lines hold
+  lines[kSilent].first = 11, lines[kEnds].end = 10;
+  const Array<EchoSpan> spans = queue_.array(lines);
+  search("best_lateral")(over(nodes * chunks), v, spans, best, g, chunks, laterals);
+  search("laterals_at")(over(nodes * laterals), v, spans, queue_.array(lags), at, g, chunks, laterals);
   const std::vector<float> got = queue_.read(best), row = queue_.read(at);
   for (int node = 0; node < nodes; ++node)
     for (int lag = 0; lag < 16; ++lag) {
       float want = -1;
       for (int m = 0; m < laterals; ++m) {
-        const float c = volume[static_cast<std::size_t>((node * laterals + m) * 16 + lag)];
+        const float c = node == kSilent || node == kEnds
+                            ? 0
+                            : volume[static_cast<std::size_t>((node * laterals + m) * 16 + lag)];
         want = std::max(want, c);
         if (lag == lags[static_cast<std::size_t>(node)]) {
           EXPECT_EQ(row[static_cast<std::size_t>(node * laterals + m)], c) << node;

@@ -144,9 +144,13 @@ TEST_P(FilterKernels, PeakIsTheVertexOfTheParabolas) {
   std::vector<float> volume(nodes() * 8 * lateral_count);
   for (float& v : volume) v = std::uniform_real_distribution<float>(-1, 1)(f.random);
   const Array<float> out = queue.array<float>(f.field.size()), peak = queue.array<float>(nodes());
-  queue.kernel("search", "ncc_peak", Precision::kFloat)(
-      over(nodes()), queue.array(volume), queue.array(f.field), out, peak, static_cast<int>(nodes()),
-      first_lag, first_lateral, lateral_count);
+  const SampleGrid g{f.nx, f.ny, 1,
+                     2,    3,    5};  // of which the last column hears nothing from its second row on
+  std::vector<EchoSpan> spans(static_cast<std::size_t>(2 * f.nx), {0, 5 * f.ny});
+  spans[static_cast<std::size_t>(2 * f.nx - 1)] = {0, 8};
+  queue.kernel("search", "ncc_peak", Precision::kFloat)(over(nodes()), queue.array(volume),
+                                                        queue.array(spans), queue.array(f.field), out, peak,
+                                                        g, first_lag, first_lateral, lateral_count);
   const std::vector<float> moved = queue.read(out), largest = queue.read(peak);
   const auto vertex = [](double a, double b, double c) {
     return std::clamp((a - c) / (2 * (a - 2 * b + c)), -0.5, 0.5);
@@ -158,7 +162,8 @@ TEST_P(FilterKernels, PeakIsTheVertexOfTheParabolas) {
     double axial = static_cast<double>(first_lag + lag), lateral = static_cast<double>(first_lateral + m);
     if (lag > 0 && lag < 7) axial += vertex(v[best - 1], v[best], v[best + 1]);
     if (m > 0 && m + 1 < lateral_count) lateral += vertex(v[best - 8], v[best], v[best + 8]);
-    EXPECT_EQ(largest[n], v[best]) << n;
+    const bool silent = static_cast<int>(n) % f.nx == f.nx - 1 && static_cast<int>(n) >= f.nx;
+    EXPECT_EQ(largest[n], silent ? 0 : v[best]) << n;
     EXPECT_NEAR(moved[2 * n] - f.field[2 * n], lateral, 2e-5) << n;
     EXPECT_NEAR(moved[2 * n + 1] - f.field[2 * n + 1], axial, 2e-5) << n;
   }
