@@ -124,20 +124,20 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
   const float2 own_span = convert_float2(pre_spans[l]),
                span = convert_float2(post_spans[clamp(line, 0, line_count - 1)]);
   float strip[STRIP];
-  float8 sums[STRIP / 8];
+  float16 sums[STRIP / 16];
   const float8 across = taps_at(taps, x - whole_x, phases);
   const float* const weights = (const float*)&across;
   __global const float* const p = post + layout.origin + clamp(line - 3, -3, line_count - 4) * stride +
                                   clamp(first, -STRIP, sample_count);
 #pragma unroll
-  for (int v = 0; v < STRIP / 8; ++v) sums[v] = across.s0 * vload8(v, p);
+  for (int v = 0; v < STRIP / 16; ++v) sums[v] = across.s0 * vload16(v, p);
 #pragma unroll
   for (int n = 1; n < 8; ++n)
 #pragma unroll
-    for (int v = 0; v < STRIP / 8; ++v)
-      sums[v] = fma((float8)(weights[n]), vload8(v, p + n * stride), sums[v]);
+    for (int v = 0; v < STRIP / 16; ++v)
+      sums[v] = fma((float16)(weights[n]), vload16(v, p + n * stride), sums[v]);
 #pragma unroll
-  for (int v = 0; v < STRIP / 8; ++v) vstore8(sums[v], v, strip);
+  for (int v = 0; v < STRIP / 16; ++v) vstore16(sums[v], v, strip);
   const float8 lanes = (float8)(0.0f, 1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f, 7.0f);
   for (int k = start; k < start + WARP_RUN; k += 8) {
     const float8 samples = (float)k + lanes;

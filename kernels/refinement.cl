@@ -10,13 +10,13 @@
 #ifndef WORK_GROUP
 #define WORK_GROUP 32
 #endif
-#ifndef LAG_VECTORS  // autocorrelation(): axial lags 0 .. 8 LAG_VECTORS - 1
-#define LAG_VECTORS 4
+#ifndef LAG_VECTORS  // autocorrelation(): axial lags 0 .. 16 LAG_VECTORS - 1
+#define LAG_VECTORS 2
 #endif
 
-// Autocorrelations of `mean` and `difference` at axial lags 0 .. 8 LAG_VECTORS - 1 and lateral lag q, summed
+// Autocorrelations of `mean` and `difference` at axial lags 0 .. 16 LAG_VECTORS - 1 and lateral lag q, summed
 // over `run` samples of every line_step-th line. Items: (line n, q, run r). out[(((r lines + n) laterals + q)
-// 2 + image) 8 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 32 LAG_VECTORS flops.
+// 2 + image) 16 LAG_VECTORS + lag]. Per sample and item: 2 LAG_VECTORS vector loads, 64 LAG_VECTORS flops.
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
     __global const float* restrict mean, __global const float* restrict difference,
     __global float* restrict out, const int line_step, const int lines, const int laterals,
@@ -25,22 +25,22 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void autocorrelation(
             stride = layout.stride;
   __global const float* const m = mean + layout.origin + n * line_step * stride;
   __global const float* const d = difference + (m - mean);
-  float8 mm[LAG_VECTORS], dd[LAG_VECTORS];
-  for (int v = 0; v < LAG_VECTORS; ++v) mm[v] = dd[v] = (float8)(0.0f);
+  float16 mm[LAG_VECTORS], dd[LAG_VECTORS];
+  for (int v = 0; v < LAG_VECTORS; ++v) mm[v] = dd[v] = (float16)(0.0f);
   for (int k = first; k < min(first + run, sample_count); ++k)
     for (int v = 0; v < LAG_VECTORS; ++v) {
-      mm[v] = fma((float8)(m[k]), vload8(v, m + q * stride + k), mm[v]);
-      dd[v] = fma((float8)(d[k]), vload8(v, d + q * stride + k), dd[v]);
+      mm[v] = fma((float16)(m[k]), vload16(v, m + q * stride + k), mm[v]);
+      dd[v] = fma((float16)(d[k]), vload16(v, d + q * stride + k), dd[v]);
     }
-  __global float* const to = out + ((get_global_id(2) * lines + n) * laterals + q) * 16 * LAG_VECTORS;
+  __global float* const to = out + ((get_global_id(2) * lines + n) * laterals + q) * 32 * LAG_VECTORS;
   for (int v = 0; v < LAG_VECTORS; ++v) {
-    vstore8(mm[v], v, to);
-    vstore8(dd[v], LAG_VECTORS + v, to);
+    vstore16(mm[v], v, to);
+    vstore16(dd[v], LAG_VECTORS + v, to);
   }
 }
 
 // Symmetric filter: out(k) = taps[0] in(k) + sum_n taps[n] (in(k - n step) + in(k + n step)), n <= reach;
-// step 1: along the A-lines, `stride`: across them. Of two images. Items: (8 samples, line, image).
+// step 1: along the A-lines, `stride`: across them. Of two images. Items: (16 samples, line, image).
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
     __global const float* restrict pre, __global const float* restrict post, __global float* restrict pre_out,
     __global float* restrict post_out, __global const float* restrict taps, const int reach, const int step,
@@ -48,15 +48,15 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void filter_lines(
   const bool second = get_global_id(2) != 0;
   __global const float* const in = second ? post : pre;
   __global float* const out = second ? post_out : pre_out;
-  const int k = 8 * get_global_id(0), l = get_global_id(1);
+  const int k = 16 * get_global_id(0), l = get_global_id(1);
   if (k >= sample_count) return;
   __global const float* const p = in + layout.origin + l * layout.stride + k;
-  float8 sum = taps[0] * vload8(0, p);
+  float16 sum = taps[0] * vload16(0, p);
   for (int n = 1; n <= reach; ++n)
-    sum = fma((float8)(taps[n]), vload8(0, p - n * step) + vload8(0, p + n * step), sum);
+    sum = fma((float16)(taps[n]), vload16(0, p - n * step) + vload16(0, p + n * step), sum);
   __global float* const to = out + layout.origin + l * layout.stride + k;
-  if (k + 8 <= sample_count) {
-    vstore8(sum, 0, to);
+  if (k + 16 <= sample_count) {
+    vstore16(sum, 0, to);
   } else {  // what lies behind the line's end stays zero
     const float* const last = (const float*)&sum;
     for (int n = 0; n < sample_count - k; ++n) to[n] = last[n];

@@ -15,6 +15,7 @@ namespace teletact::service {
 namespace {
 
 constexpr int kWarpRun = 16;                          // WARP_RUN of displacement.cl
+constexpr int kFilterRun = 16;                        // samples of an item of filter_lines
 constexpr int kFilterSamples = 20, kFilterLines = 4;  // reach of the matched filter
 // From what holds no echo: half of the strain's kernel.
 constexpr double kEchoesAxialM = 1.25e-3, kEchoesLateralM = 1e-3;
@@ -196,7 +197,7 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
   Workspace& w = *work_;
   const MatchedFilter filter = matched_filter(a, kFilterSamples, kFilterLines);
   const Array<float> axial = sent(queue_, filter.axial), lateral = sent(queue_, filter.lateral);
-  Range range = over_samples(8);
+  Range range = over_samples(kFilterRun);
   range.global[2] = 2;
   // `mean` and `difference` are free between two steps.
   kernels_->filter_lines(range, w.frames.pre, w.frames.post, w.mean, w.difference, axial, kFilterSamples, 1,

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <initializer_list>
@@ -110,19 +111,27 @@ double pair_quality(const Measured& m) {
 
 }  // namespace
 
+// Of a download the last read is a blocking one: what was fetched before it is here then too.
 void download(const Queue& queue, const DisplacementEstimate& displacement, Measured& out) {
-  split(queue.read(displacement.field_m), 2, {&out.lateral_displacement, &out.axial_displacement});
-  split(queue.read(displacement.std_m), 2, {&out.lateral_displacement_std, &out.axial_displacement_std});
+  std::vector<float> field(displacement.field_m.size()), deviation(displacement.std_m.size());
   out.correlation.resize(out.grid.size());
-  queue.read(displacement.correlation, out.correlation.data(), out.correlation.size());
+  const std::array<Arrival, 3> fetched{
+      queue.fetch(displacement.field_m, field.data(), field.size()),
+      queue.fetch(displacement.std_m, deviation.data(), deviation.size()),
+      queue.fetch(displacement.correlation, out.correlation.data(), out.correlation.size())};
   out.displacement_valid = queue.read(displacement.trusted);
+  split(field, 2, {&out.lateral_displacement, &out.axial_displacement});
+  split(deviation, 2, {&out.lateral_displacement_std, &out.axial_displacement_std});
 }
 
 void download(const Queue& queue, const StrainEstimate& strain, Measured& out) {
-  split(queue.read(strain.tensor), 4, {&out.lateral_strain, &out.axial_strain, &out.shear_strain});
-  split(queue.read(strain.std), 4,
-        {&out.lateral_strain_std, &out.axial_strain_std, &out.shear_strain_std, &out.axial_strain_noise});
+  std::vector<float> tensor(strain.tensor.size()), deviation(strain.std.size());
+  const std::array<Arrival, 2> fetched{queue.fetch(strain.tensor, tensor.data(), tensor.size()),
+                                       queue.fetch(strain.std, deviation.data(), deviation.size())};
   out.strain_valid = queue.read(strain.trusted);
+  split(tensor, 4, {&out.lateral_strain, &out.axial_strain, &out.shear_strain});
+  split(deviation, 4,
+        {&out.lateral_strain_std, &out.axial_strain_std, &out.shear_strain_std, &out.axial_strain_noise});
   out.quality = pair_quality(out);
 }
 

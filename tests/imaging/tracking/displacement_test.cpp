@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "service/imaging/tracking/measured.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
 
@@ -99,6 +100,28 @@ TEST(Displacement, AsksLittleOfTheDevice) {
   EXPECT_LE(work.waits, 2u);
   EXPECT_LE(work.looks, 4u);
   EXPECT_LE(work.longest_chain, 1024u);
+}
+
+// And with its strain, downloaded.
+TEST(Displacement, AFewWaitsAreAWholeWindows) {
+  const Speckle speckle({});
+  const RfFrame pre = speckle.frame(uniform_strain(0, 0), 1),
+                post = speckle.frame(uniform_strain(-0.01, 0), 2);
+  const Queue queue = imaging_device()->queue();
+  DisplacementEstimator estimator(queue, {});
+  StrainEstimator strain(queue, {});
+  for (const bool known : {false, true}) {
+    queue.take_work();
+    const DisplacementEstimate estimate = estimator.estimate(pre, post, speckle.geometry());
+    Measured measured;
+    measured.grid = image_grid(estimate.grid, speckle.geometry());
+    download(queue, estimate, measured);
+    download(queue, strain.estimate(estimate, measured.grid), measured);
+    const DeviceWork work = queue.take_work();
+    if (!known) continue;
+    EXPECT_LE(work.launches, 57u);
+    EXPECT_LE(work.waits, 4u);
+  }
 }
 
 TEST(Displacement, FindsRigidSubSampleShiftsWithoutBias) {
