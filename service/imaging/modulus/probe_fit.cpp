@@ -380,6 +380,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   out.unweighed = untried && out.rest > kWellExplained;
   // Nor was it where the face is tilted so much.
   const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
+  if (tilted) out.untried_log = kUnweighedLog;
   if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);
   put_into_words(order, all, grading, out);
   if (!out.contradicted.empty()) out.common_log = std::hypot(out.common_log, kContradictedLog);

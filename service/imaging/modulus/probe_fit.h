@@ -35,6 +35,7 @@ struct ProbeFit {
   Eigen::VectorXd skin;  // ln E of the skin's layers over that below
   std::vector<Eigen::VectorXd> changes;
   double common_log = 0;     // of ln E: the mesh, what the tissue does at its sides, what was not tried
+  double untried_log = 0;    // of that, what is alike of tissue that a tilted face leaves untried
   double rest = 0;           // of ln(strain): what is unexplained where tissue looks homogeneous
   bool as_usual = false;     // something that is not stated was not fitted
   bool unweighed = false;    // it leaves much unexplained, and what may explain it was not tried

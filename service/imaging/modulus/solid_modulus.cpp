@@ -109,7 +109,7 @@ class SolidModulusMethod : public ModulusMethod {
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
     const auto affords = [&](FitEffort effort) {
-      return in.budget.solves >= ProbeFitter::max_solves(effort) + solves_of(kMaxSteps + kForcePushes);
+      return in.budget.solves >= ProbeFitter::max_solves(effort) + solves_of(kUsualSteps + kForcePushes);
     };
     const FitEffort effort = affords(FitEffort::kAllStarts) ? FitEffort::kAllStarts
                              : affords(FitEffort::kWeighed) ? FitEffort::kWeighed
@@ -153,7 +153,9 @@ class SolidModulusMethod : public ModulusMethod {
   void forget() override { fitter_.forget(); }
 
  private:
-  static constexpr int kMaxSteps = 12, kForcePushes = 2;
+  // Of usual tissue one in eight windows has not settled after the usual steps; where there are solves for
+  // more it goes on until it has.
+  static constexpr int kUsualSteps = 12, kMaxSteps = 16, kForcePushes = 2;
   static constexpr int kPushesPerSolve = 2;  // of those that begin at the last one's solution
   static int solves_of(int pushes) { return 1 + pushes / kPushesPerSolve; }
   // Rms change of log E over the cells: what ends the steps, and what is settled where they run out.
@@ -238,7 +240,7 @@ class SolidModulusMethod : public ModulusMethod {
       theta = hastened.next(theta, denoised).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
       ++out.iterations;
       out.converged = change < kConvergedStep;
-      if (change < kLastStep) break;
+      if (change < (out.iterations < kUsualSteps ? kLastStep : kConvergedStep)) break;
     }
     int pushes = out.iterations;
     const auto force_of = [&](const VectorXd& map) {
@@ -284,7 +286,7 @@ class SolidModulusMethod : public ModulusMethod {
     const auto typical = [&](const VectorXd& of) {
       return of.tail(size - skin).norm() / std::sqrt(static_cast<double>(size - skin));
     };
-    out.model_deviation = typical(fit.between);
+    out.model_deviation = std::hypot(typical(fit.between), fit.untried_log);
     for (const VectorXd& change : fit.changes)
       out.unstated_deviation = std::hypot(out.unstated_deviation, typical(change));
     found.modes = fit.changes;

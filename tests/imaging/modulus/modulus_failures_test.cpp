@@ -81,6 +81,10 @@ TEST(Doubt, NamesTheCauseAndTheNumberOfTheMap) {
   expect(judged(0.4, [](auto&) {}), {ModulusFlag::kModels}, " 40 %");  // a solid's own, without noise
   expect(judged(0.4, [](auto& e) { e.warn(ModulusFlag::kCut, "no time"); }), {ModulusFlag::kCut}, " 40 %");
   expect(judged(0.4, [](auto& e) { e.warn(ModulusFlag::kMisfit, "no model"); }), {}, "");
+  expect(judged(0.1, [](auto& e) { e.model_deviation = 0.4, e.warn(ModulusFlag::kMisfit, "no model"); }), {},
+         "");
+  expect(judged(0.1, [](auto& e) { e.model_deviation = 0.4, e.warn(ModulusFlag::kDeadline, "steps"); }),
+         {ModulusFlag::kModels}, " 41 %");
   expect(judged(0.4, [](auto& e) { e.warn(ModulusFlag::kRamp, "it falls"); }), {}, "");
   expect(judged(0.4, [](auto& e) { e.kind = ModulusKind::kIterative; }), {ModulusFlag::kNoise}, " 40 %");
 }

@@ -281,6 +281,21 @@ TEST(ProbeFit, TriesNoSidesWithoutTheSolves) {
   EXPECT_FALSE(std::ranges::any_of(e.log_deviation, [](float deviation) { return deviation < 0.3F; }));
 }
 
+// Under a face that leans no other tissue is tried. What that leaves open is the models', whatever else
+// warns.
+TEST(ProbeFit, WhatALeaningFaceLeavesUntriedIsTheModels) {
+  const auto strained = [](double lean, double texture) {
+    return [=](double x_m, double y_m) {
+      return (1 + lean * (2 * x_m / kWidthM - 1)) *
+             std::exp(texture * std::sin(600 * x_m) * std::cos(500 * y_m));
+    };
+  };
+  const ModulusEstimate both = Pressed(face(), strained(0.28, 0.3)).estimate(),
+                        leaning = Pressed(face(), strained(0.28, 0)).estimate();
+  EXPECT_GE(both.model_deviation, 0.3) << both.model;
+  EXPECT_LT(leaning.model_deviation, 0.1) << leaning.model;
+}
+
 // What an estimate finds does not depend on what is kept of the pair before, and no fit solves more than it
 // may.
 TEST(ProbeFit, CountsTheSameForAPairAsOftenAsItComes) {
