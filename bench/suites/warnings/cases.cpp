@@ -19,65 +19,81 @@ using client::Tissue;
 using service::ModulusKind;
 using service::WarningFlag;
 
-// A window of 30 x 20 mm: an estimate of it takes an eighth of the time of one of 60 x 40 mm, and pressing
-// it, too.
-constexpr service::ImageGrid kImage{63, 49, 0.35e-3, 0.2e-3, 0.47e-3, 0.404e-3};
-constexpr double kWidthM = 0.030, kElevationM = 0.010, kDepthM = 0.020, kTissueWidthM = 0.060;
-constexpr double kPushM = 0.4e-3, kPreloadM = 0.75e-3, kSpacingM = 0.0015;
+// A window and the tissue under it, all in proportion to its size but what the image resolves.
+struct Site {
+  service::ImageGrid image;
+  double size;  // of 60 x 40 mm
+  double elevation_m;
+  double spacing_m;
+  double width_m() const { return 0.060 * size; }
+  double depth_m() const { return 0.040 * size; }
+  double tissue_width_m() const { return 0.120 * size; }
+  double push_m() const { return 0.8e-3 * size; }
+  double preload_m() const { return 1.5e-3 * size; }
+};
+// An estimate of a small one takes an eighth of the time of one of 60 x 40 mm, and pressing it, too.
+constexpr service::ImageGrid kSmallImage{63, 49, 0.35e-3, 0.2e-3, 0.47e-3, 0.404e-3};
+constexpr Site kSmall{kSmallImage, 0.5, 0.010, 0.0015}, kShortFace{kSmallImage, 0.5, 0.007, 0.0015};
+constexpr Site kLarge{kGivenImage, 1, 0.010, 0.003};  // pressed in as many elements, for its price
 
 std::uint64_t tissue_of(std::uint64_t seed) {
   return (seed - 1) / kCasesOfTissue + 1;
 }
 
 // Solid tissue that an estimate is made for: 3 % friction and all, but nothing that it does not have.
-Tissue plain(std::uint64_t seed) {
+Tissue plain(const Site& site, std::uint64_t seed) {
   std::mt19937_64 random(seed * 7919 + 3);
   const auto between = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
   Tissue t;
-  t.width_m = kTissueWidthM, t.depth_m = kDepthM, t.seed = seed;
-  t.probe.width_m = kWidthM, t.probe.elevation_m = kElevationM, t.probe.compression_m = kPushM;
+  t.width_m = site.tissue_width_m(), t.depth_m = site.depth_m(), t.seed = seed;
+  t.probe.width_m = site.width_m(), t.probe.elevation_m = site.elevation_m;
+  t.probe.compression_m = site.push_m();
   client::Solid solid;
-  solid.elevational_width_m = kTissueWidthM, solid.preload_m = kPreloadM;
+  solid.elevational_width_m = site.tissue_width_m(), solid.preload_m = site.preload_m();
   solid.friction = between(0, 0.3), solid.uneven = between(-0.1, 0.1), solid.texture = between(0, 0.1);
   client::Inclusion lump;
-  lump.x_m = t.width_m / 2 + between(-0.0075, 0.0075), lump.y_m = between(0.006, 0.012);
-  lump.diameter_m = between(0.004, 0.008), lump.contrast = between(2, 6), lump.sphere = between(0, 1) < 0.5;
+  lump.x_m = t.width_m / 2 + site.size * between(-0.015, 0.015);
+  lump.y_m = site.size * between(0.012, 0.024), lump.diameter_m = site.size * between(0.008, 0.016);
+  lump.contrast = between(2, 6), lump.sphere = between(0, 1) < 0.5;
   t.inclusions = {lump};
   t.probe.force_gain_error = between(-0.03, 0.03);
   t.solid = solid;
   return t;
 }
 
-WarnedWindow pressed(const Tissue& t) {
+WarnedWindow pressed(const Site& site, const Tissue& t) {
+  const service::ImageGrid& image = site.image;
   const double left_m = (t.width_m - t.probe.width_m) / 2;
-  const client::ProbeState probe = client::press_solid(t, left_m, kPushM, kSpacingM);
+  const client::ProbeState probe = client::press_solid(t, left_m, site.push_m(), site.spacing_m);
   std::mt19937_64 random(t.seed * 104729 + 5);
   WarnedWindow w;
-  w.displacement.image = kImage, w.width_m = kWidthM;
-  for (std::size_t n = 0; n < kImage.size(); ++n) {
-    const double x = left_m + kImage.x_m(n), y = kImage.y_m(n);
+  w.displacement.image = image, w.width_m = site.width_m();
+  for (std::size_t n = 0; n < image.size(); ++n) {
+    const double x = left_m + image.x_m(n), y = image.y_m(n);
     const auto u = probe.field->at(x, y), moved = probe.motion(x, y);
     w.displacement.axial_m.push_back(u.y - moved.y), w.displacement.lateral_m.push_back(u.x - moved.x);
   }
   w.displacement.noise_m = std::uniform_real_distribution<double>(0.3e-6, 1e-6)(random);
   w.tissue = {t.width_m, t.imaged_depth_m(), left_m, 0.49, service::Plane::kSolid};
-  w.tissue.probe_elevation_m = kElevationM;
+  w.tissue.probe_elevation_m = site.elevation_m;
   // A user states the probe's face, whether all of it touches or not.
-  w.force = service::ProbeForce{client::sensed_force(t.probe, probe.force_n, t.seed), kWidthM * kElevationM};
+  w.force = service::ProbeForce{client::sensed_force(t.probe, probe.force_n, t.seed),
+                                site.width_m() * site.elevation_m};
   return w;
 }
 
 // `share` of the axial strain more to the sides.
 void spread(WarnedWindow& w, double share) {
   const std::vector<double>& u = w.displacement.axial_m;
-  const std::size_t nx = kImage.nx;
-  for (std::size_t j = 0; j < kImage.ny; ++j) {
-    const std::size_t row = nx * std::min(j, kImage.ny - 2);
+  const service::ImageGrid& image = w.displacement.image;
+  const std::size_t nx = image.nx;
+  for (std::size_t j = 0; j < image.ny; ++j) {
+    const std::size_t row = nx * std::min(j, image.ny - 2);
     double moved = 0;
     for (std::size_t i = 0; i < nx; ++i) {
-      moved -= share * (u[row + nx + i] - u[row + i]) / kImage.dy_m * kImage.dx_m;
+      moved -= share * (u[row + nx + i] - u[row + i]) / image.dy_m * image.dx_m;
       w.displacement.lateral_m[i + nx * j] += moved;
     }
   }
@@ -85,9 +101,10 @@ void spread(WarnedWindow& w, double share) {
 
 // Nothing is trusted in this part of the columns.
 void lose(WarnedWindow& w, double part) {
-  w.displacement.trusted.assign(kImage.size(), 1);
-  for (std::size_t n = 0; n < kImage.size(); ++n)
-    if (static_cast<double>(n % kImage.nx) < part * static_cast<double>(kImage.nx))
+  const service::ImageGrid& image = w.displacement.image;
+  w.displacement.trusted.assign(image.size(), 1);
+  for (std::size_t n = 0; n < image.size(); ++n)
+    if (static_cast<double>(n % image.nx) < part * static_cast<double>(image.nx))
       w.displacement.trusted[n] = 0;
 }
 
@@ -115,16 +132,17 @@ WarnedWindow of_plane(const DrawnCase& drawn, std::uint64_t seed, ModulusKind ki
 
 std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   // Each tissue is pressed once for all windows that need it.
-  const auto of_tissue = [](auto change) {
+  const auto at = [](const Site& site, auto change) {
     const auto kept = std::make_shared<std::map<std::uint64_t, WarnedWindow>>();
-    return [kept, change](std::uint64_t seed) {
+    return [site, kept, change](std::uint64_t seed) {
       const std::uint64_t number = tissue_of(seed);
       if (const auto found = kept->find(number); found != kept->end()) return found->second;
-      Tissue t = plain(number);
+      Tissue t = plain(site, number);
       change(t);
-      return kept->emplace(number, pressed(t)).first->second;
+      return kept->emplace(number, pressed(site, t)).first->second;
     };
   };
+  const auto of_tissue = [at](auto change) { return at(kSmall, change); };
   const auto usual = of_tissue([](Tissue&) {});
   std::vector<WarningRow> rows;
   const auto row = [&](const std::string& name, std::vector<Claim> claims, auto window) {
@@ -169,28 +187,37 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   row("5 % of the image lost", {{WarningFlag::kUntracked, false}},
       changed([](WarnedWindow& w) { lose(w, 0.05); }));
   constexpr double kRamp = 2;
+  const auto falls = [](Tissue& t) { t.solid->bottom_contrast = 1 / kRamp; };
   row(fmt::format("modulus falls by {} from top to bottom", kRamp),
-      {{WarningFlag::kRamp, true},
-       {WarningFlag::kExtent, false},
-       {WarningFlag::kNoise, false},
-       {WarningFlag::kModels, false}},
-      of_tissue([](Tissue& t) { t.solid->bottom_contrast = 1 / kRamp; }));
+      {{WarningFlag::kRamp, true}, {WarningFlag::kNoise, false}, {WarningFlag::kModels, false}},
+      of_tissue(falls));
   // Of a face that leans so much no other tissue is tried.
   row("a push that is uneven by 0.28, texture of 30 %",
       {{WarningFlag::kModels, true}, {WarningFlag::kMisfit, false}, {WarningFlag::kNoise, false}},
       of_tissue([](Tissue& t) { t.solid->uneven = 0.28, t.solid->texture = 0.3; }));
-  row("face stated 1.75 times as long", {{WarningFlag::kElevation, true}},
-      changed([](WarnedWindow& w) { w.tissue.probe_elevation_m *= 1.75, w.force->contact_area_m2 *= 1.75; }));
+  // How deep the strain reaches tells the face's length where that is short: of 10 mm on 20 mm of tissue the
+  // strain tells little, and little hangs on it.
+  const auto short_face = at(kShortFace, [](Tissue&) {});
+  row("face of 7 mm stated truly", {{WarningFlag::kElevation, false}}, short_face);
+  row("face of 7 mm stated 1.75 times as long", {{WarningFlag::kElevation, true}},
+      [short_face](std::uint64_t seed) {
+        WarnedWindow w = short_face(seed);
+        w.tissue.probe_elevation_m *= 1.75, w.force->contact_area_m2 *= 1.75;
+        return w;
+      });
   row("spreads sideways by 0.4 of the strain more", {{WarningFlag::kOutOfPlane, true}},
       changed([](WarnedWindow& w) { spread(w, 0.4); }));
-  row("lump of 15 mm, contrast 3", {{WarningFlag::kExtent, true}}, of_tissue([](Tissue& t) {
-        t.inclusions.front().x_m = t.width_m / 2, t.inclusions.front().y_m = 0.009;
-        t.inclusions.front().diameter_m = 0.015, t.inclusions.front().contrast = 3;
+  // Of a lump of 15 mm in a window of half the size hardly any contrast is left that could show.
+  row("60 x 40 mm, lump of 30 mm, contrast 3", {{WarningFlag::kExtent, true}}, at(kLarge, [](Tissue& t) {
+        t.inclusions.front().x_m = t.width_m / 2, t.inclusions.front().y_m = 0.018;
+        t.inclusions.front().diameter_m = 0.030, t.inclusions.front().contrast = 3;
       }));
+  row(fmt::format("60 x 40 mm, modulus falls by {} from top to bottom", kRamp),
+      {{WarningFlag::kExtent, false}}, at(kLarge, falls));
   const auto beside = [usual](double times) {
     return [usual, times](std::uint64_t seed) {
       WarnedWindow w = usual(seed);
-      w.known = told(plain(tissue_of(seed)), times);
+      w.known = told(plain(kSmall, tissue_of(seed)), times);
       return w;
     };
   };
