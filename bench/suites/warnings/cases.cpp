@@ -189,7 +189,10 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   constexpr double kRamp = 2;
   const auto falls = [](Tissue& t) { t.solid->bottom_contrast = 1 / kRamp; };
   row(fmt::format("modulus falls by {} from top to bottom", kRamp),
-      {{WarningFlag::kRamp, true}, {WarningFlag::kNoise, false}, {WarningFlag::kModels, false}},
+      {{WarningFlag::kRamp, true},
+       {WarningFlag::kExtent, false},
+       {WarningFlag::kNoise, false},
+       {WarningFlag::kModels, false}},
       of_tissue(falls));
   // Of a face that leans so much no other tissue is tried.
   row("a push that is uneven by 0.28, texture of 30 %",
