@@ -6,6 +6,9 @@
 // Node (i, j) lies at i + stride (j + 1), stride = nx + 1: behind each row and above and below the grid nodes
 // stand that are none. All that is theirs is and stays zero, so that no item asks where the grid ends. Two
 // numbers a node, lateral and axial.
+#ifndef WIDTH  // one node on a GPU
+#define WIDTH 2
+#endif
 #include "sums.clh"
 
 // Of each node the two numbers in turn.

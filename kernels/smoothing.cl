@@ -1,5 +1,8 @@
 // How far a refinement step smooths (T2.3): medians over all nodes, from them the weights of the edges. One
 // work-group; on a processor it is one item, WIDTH numbers at a time.
+#ifndef WIDTH  // one node on a GPU
+#define WIDTH 2
+#endif
 #include "sums.clh"
 
 // Numbers of `model` after weights, spreads and sensitivities, lateral and axial each, as in refinement.cpp.
@@ -8,22 +11,12 @@
 
 #define BITS JOIN(int, WIDTH)
 #define AS_BITS JOIN(as_int, WIDTH)
-#define CONVERT JOIN(convert_float, WIDTH)
 
 typedef struct {
   float dx_m, dy_m, line_pitch_m, sample_pitch_m;  // of the nodes, of the image
   float least_strain, change_m;  // what strain is taken to change by: change_m times its median magnitude
   float shortest_m, longest_lateral_m, longest_axial_m;
 } Smoothing;
-
-// Sums over the group of even and of odd lanes.
-float2 sum_pairs(const vec own, local accum* shared) {
-  real lanes[WIDTH];
-  float2 sum = (float2)(0);
-  STORE(own, lanes);
-  for (int lane = 0; lane < WIDTH; lane += 2) sum += (float2)(lanes[lane], lanes[lane + 1]);
-  return (float2)(sum_of_group(sum.x, shared), sum_of_group(sum.y, shared));
-}
 
 // How many of the even and the odd numbers that are not negative lie below `limits`, given as their bits,
 // which are in the same order; of up to 2^24.
@@ -33,8 +26,12 @@ float2 below(global const float* restrict values, const int count, const int2 li
   const BITS limit = JOIN(vload, WIDTH)(0, pair);
   BITS found = (BITS)(0);
   for (int v = get_local_id(0); v < count; v += GROUP)
-    found -= AS_BITS(LOAD(values + WIDTH * v)) < limit;  // a true comparison is -1
-  return sum_pairs(CONVERT(found), shared);
+    found -= AS_BITS(JOIN(vload, WIDTH)(v, values)) < limit;  // a true comparison is -1
+  int lanes[WIDTH];
+  JOIN(vstore, WIDTH)(found, 0, lanes);
+  int2 sum = (int2)(0);
+  for (int lane = 0; lane < WIDTH; lane += 2) sum += (int2)(lanes[lane], lanes[lane + 1]);
+  return (float2)((float)sum_of_group(sum.x, shared), (float)sum_of_group(sum.y, shared));
 }
 
 // Of the even and the odd numbers the one that so many are below: bit by bit the largest with no more.
