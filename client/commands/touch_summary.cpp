@@ -50,7 +50,7 @@ constexpr TermWords kTermWords[] = {
     {"FINITE_STRAIN", "the linear model", "press less deep"},
     {"MODULUS", "the modulus", "image slices nearer to the finger, press the probe further"},
     {"MODEL", "the closed form", "use --path gradients"},
-    {"DIMENSION", "the plane that stands for a solid", "make a solid scene of slices"},
+    {"DIMENSION", "the plane that stands for a solid", "make a solid scene"},
     {"CONTEXT", "tissue beside what was imaged", "image more of it"}};
 
 // The largest, and what would make it smaller.
@@ -59,8 +59,8 @@ std::string largest_term(const nlohmann::json& made_by) {
       kTermWords, {}, [&](const TermWords& words) { return made_by.value(words.name, 0.0); });
   const double by = made_by.value(largest->name, 0.0);
   if (!(by > 0)) return "";
-  return fmt::format("            of that, {:.1f} % come from {}; to lower it, {}\n", 100 * by, largest->what,
-                     largest->remedy);
+  return fmt::format("            but for {} it would be {:.1f} % of the force narrower: {}\n", largest->what,
+                     100 * by, largest->remedy);
 }
 
 }  // namespace

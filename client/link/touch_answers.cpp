@@ -29,7 +29,8 @@ void add_what_terms_make(const v1::ForceBudget& budget, std::map<v1::ForceError:
   double squares = 0;
   const auto add = [&](const auto& what) {
     for (const v1::ForceError& e : budget.terms())
-      if (v1::ForceError::Term_IsValid(e.term()) && e.relative() >= 0 && e.relative() <= kMost)
+      if (e.term() != v1::ForceError::TERM_UNSPECIFIED && v1::ForceError::Term_IsValid(e.term()) &&
+          e.relative() >= 0 && e.relative() <= kMost)
         what(e, e.kind() == v1::ForceError::KIND_BOUND, e.relative() * e.relative());
   };
   add([&](const v1::ForceError&, bool bound, double square) { squares += bound ? 0 : square; });
@@ -108,7 +109,7 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
     stats.latencies_s.add(seconds(received_ns) - converted->sample.pose_time_s);
   }
   if (answer.has_solve() && v1::SolvePath_IsValid(answer.path())) ++stats.solved_by[answer.path()];
-  if (answer.has_budget()) {
+  if (answer.has_budget() && std::isfinite(answer.budget().half_width())) {
     stats.force_budget.add(answer.budget().half_width());
     add_what_terms_make(answer.budget(), stats.made_by);
     if (answer.budget().above() > stats.largest_above) stats.largest_above = answer.budget().above();

@@ -165,7 +165,7 @@ TEST(TouchPeers, WhatEachTermMakesOfTheIntervalIsSummedUp) {
   // AND what no service sends
   for (const double wrong : {-1.0, 1e300, std::nan("")})
     add(v1::ForceError::TERM_MODULUS, v1::ForceError::KIND_DEVIATION, wrong);
-  add(99, v1::ForceError::KIND_BOUND, 1);
+  for (const int term : {0, 99}) add(term, v1::ForceError::KIND_BOUND, 1);
   // WHEN two answers bring them THEN each counts by what the interval would be narrower without it
   told.take_answer(answer, true, 1, 2);
   told.take_answer(answer, true, 1, 2);
@@ -173,6 +173,12 @@ TEST(TouchPeers, WhatEachTermMakesOfTheIntervalIsSummedUp) {
   EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_MODULUS], 2 * 1.96 * (0.5 - 0.3), 1e-12);
   EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_CONTEXT], 2 * 1.96 * (0.5 - 0.4), 1e-12);
   EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_MESH], 2 * 0.02, 1e-12);
+  EXPECT_EQ(told.stats.force_budget.count(), 2u);
+  // AND one without a width counts for neither
+  answer.mutable_budget()->set_half_width(std::nan(""));
+  told.take_answer(answer, true, 1, 2);
+  EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_MESH], 2 * 0.02, 1e-12);
+  EXPECT_EQ(told.stats.force_budget.count(), 2u);
 }
 
 TEST(TouchPeers, WhatIsBeingPreparedHasNoForceAndIsNoFailure) {

@@ -301,7 +301,7 @@ const char* words_of(ModulusFlag cause, bool stated) {
 void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
   const double all = typical(out.log_deviation);
   if (!(all > kMaxDeviation)) return;
-  // Where no model explains the strain, what lies between them is the misfit's.
+  // Under a misfit what lies between the models is not told from it.
   if (!warned(out, ModulusFlag::kMisfit)) parts.push_back({ModulusFlag::kModels, out.model_deviation});
   parts.push_back({ModulusFlag::kUnstated, out.unstated_deviation});
   parts.push_back({ModulusFlag::kUnstated, out.common_deviation, true});

@@ -154,7 +154,7 @@ class SolidModulusMethod : public ModulusMethod {
 
  private:
   // Of usual tissue one in eight windows has not settled after the usual steps; where there are solves for
-  // more it goes on until it has.
+  // more it goes on for up to four, by which half of them have.
   static constexpr int kUsualSteps = 12, kMaxSteps = 16, kForcePushes = 2;
   static constexpr int kPushesPerSolve = 2;  // of those that begin at the last one's solution
   static int solves_of(int pushes) { return 1 + pushes / kPushesPerSolve; }

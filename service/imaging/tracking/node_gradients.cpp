@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <string>
 
 namespace teletact::service {
@@ -47,6 +48,8 @@ Array<float> NodeGradients::array() const {
 
 void NodeGradients::solve(const NodeSystem& system, Array<float>& r, Array<float>& x, Array<float>& ends,
                           std::size_t at, const PcgOptions& options) {
+  if (options.max_iterations == 0)
+    throw std::invalid_argument("NodeGradients: max_iterations is 0; it must be at least 1");
   const auto tolerance = static_cast<float>(options.relative_residual * options.relative_residual);
   const std::size_t terms = (static_cast<std::size_t>(layout_.count) + group_ - 1) / group_,
                     most = queue_.info().gpu ? kMostTermsOfGpu : kMostVectors,

@@ -172,8 +172,9 @@ void Refinement::weigh(const Array<float>& field) {
                     f(kShortestM),      f(kLongestM[0]), f(kLongestM[1])};
   const std::size_t informations = information_.size() / width_, strains = strain_.size() / width_;
   constexpr std::size_t kBits = 31;  // each looks at all once more
-  kernels_->weigh_edges({{group_}, {group_}, kBits * ((informations + group_ - 1) / group_)}, information_,
-                        strain_, model_, s, g.nodes(), static_cast<int>(informations),
+  const auto terms = [&](std::size_t vectors) { return (vectors + group_ - 1) / group_; };
+  kernels_->weigh_edges({{group_}, {group_}, (kBits + 1) * terms(informations) + kBits * terms(strains)},
+                        information_, strain_, model_, s, g.nodes(), static_cast<int>(informations),
                         static_cast<int>(strains));
 }
 
