@@ -70,8 +70,8 @@ double smallest_ritz_value(const Lanczos& lanczos) {
 template <class T>
 Pcg<T>::Pcg(const Queue& queue, std::size_t unknowns, std::size_t count, const PcgOptions& options)
     : queue_(queue), options_(options), nodes_(unknowns / 2), capacity_(count) {
-  if (options.max_iterations == 0 || options.look_every == 0)
-    throw std::invalid_argument("PcgOptions: max_iterations and look_every must be at least 1");
+  if (options.max_iterations == 0)
+    throw std::invalid_argument("PcgOptions: max_iterations must be at least 1");
   chunk_ = std::max(kSmallestChunk, (nodes_ + kMaxChunks - 1) / kMaxChunks);
   chunks_ = (nodes_ + chunk_ - 1) / chunk_;
   group_ = queue.info().gpu ? kLocal : 1;
@@ -163,7 +163,7 @@ std::vector<PcgResult> Pcg<T>::solve(LinearOperator<T>& a, LinearOperator<T>& pr
     advance(a, k, count, r, load, x);
     const std::size_t done = k + 1;
     const bool last = done >= options_.max_iterations;
-    if (last || (done >= 2 * kDelay && done % options_.look_every == 0)) {
+    if (last || done >= 2 * kDelay) {
       std::vector<T> scalars((kPcgFields + kPcgHistory * done) * count);
       queue_.read(scalars_, scalars.data(), scalars.size());
       const std::span<const T> states = std::span(scalars).subspan(kPcgState * count, count);

@@ -26,7 +26,6 @@ struct PcgOptions {
   double relative_error = 1e-7;      // ||e||_A / ||u||_A to reach; 0 = not a criterion
   double relative_residual = 0;      // ||r|| / ||r_0|| to reach instead; 0 = not a criterion
   std::size_t max_iterations = 500;  // > 0
-  std::size_t look_every = 1;        // iterations between two looks at the states, once they can change
 };
 
 // Of one right-hand side. The estimates are those of the iteration that stopped it.

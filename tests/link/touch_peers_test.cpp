@@ -124,15 +124,23 @@ TEST(TouchPeers, StampsThatNoClockHasAreNotReckonedWith) {
   EXPECT_EQ(told.stats.dropped, 1u);
 }
 
-TEST(TouchPeers, AnswersOfAnotherWayAreCountedApart) {
-  TouchAnswers told;
+v1::TouchOpened usual_opening() {
   v1::TouchOpened opened;
   opened.set_period_s(0.002);
   opened.set_credit(2);
-  ASSERT_EQ(told.take_opened(opened, 1), "");
+  return opened;
+}
+v1::TouchAnswer out_of_contact() {
   v1::TouchAnswer answer;
   answer.set_status(v1::TOUCH_STATUS_OK);
   for (const double m : {0.02, 0.0, 0.0}) answer.add_position_m(m), answer.add_force_n(0);
+  return answer;
+}
+
+TEST(TouchPeers, AnswersOfAnotherWayAreCountedApart) {
+  TouchAnswers told;
+  ASSERT_EQ(told.take_opened(usual_opening(), 1), "");
+  v1::TouchAnswer answer = out_of_contact();
   told.take_answer(answer, true, 1, 2);  // no contact
   EXPECT_TRUE(told.stats.solved_by.empty());
   answer.mutable_solve()->set_reason("closed form");
@@ -146,13 +154,8 @@ TEST(TouchPeers, AnswersOfAnotherWayAreCountedApart) {
 
 TEST(TouchPeers, WhatEachTermMakesOfTheIntervalIsSummedUp) {
   TouchAnswers told;
-  v1::TouchOpened opened;
-  opened.set_period_s(0.002);
-  opened.set_credit(2);
-  ASSERT_EQ(told.take_opened(opened, 1), "");
-  v1::TouchAnswer answer;
-  answer.set_status(v1::TOUCH_STATUS_OK);
-  for (const double m : {0.02, 0.0, 0.0}) answer.add_position_m(m), answer.add_force_n(0);
+  ASSERT_EQ(told.take_opened(usual_opening(), 1), "");
+  v1::TouchAnswer answer = out_of_contact();
   const auto add = [&](int term, v1::ForceError::Kind kind, double relative) {
     v1::ForceError& error = *answer.mutable_budget()->add_terms();
     error.set_term(static_cast<v1::ForceError::Term>(term)), error.set_kind(kind);

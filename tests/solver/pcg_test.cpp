@@ -112,7 +112,6 @@ TYPED_TEST(Pcg_, ErrorEstimateStopsNearTheTrueEnergyError) {
   using T = TypeParam;
   PcgOptions options;
   options.relative_error = 1e-3;
-  options.look_every = 1;
   Problem<T> p(41, 30, 3, options);
   std::vector<double> lines[2];
   for (std::size_t i = 0; i < 41; ++i) lines[0].push_back(static_cast<double>(i));

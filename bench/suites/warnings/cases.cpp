@@ -198,6 +198,8 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
   row("a push that is uneven by 0.28, texture of 30 %",
       {{WarningFlag::kModels, true}, {WarningFlag::kMisfit, false}, {WarningFlag::kNoise, false}},
       of_tissue([](Tissue& t) { t.solid->uneven = 0.28, t.solid->texture = 0.3; }));
+  row("face stated 1.75 times as long", {{WarningFlag::kElevation, true}},
+      changed([](WarnedWindow& w) { w.tissue.probe_elevation_m *= 1.75, w.force->contact_area_m2 *= 1.75; }));
   // How deep the strain reaches tells the face's length where that is short: of 10 mm on 20 mm of tissue the
   // strain tells little, and little hangs on it.
   const auto short_face = at(kShortFace, [](Tissue&) {});
@@ -210,6 +212,10 @@ std::vector<WarningRow> warning_rows(const service::Queue& queue) {
       });
   row("spreads sideways by 0.4 of the strain more", {{WarningFlag::kOutOfPlane, true}},
       changed([](WarnedWindow& w) { spread(w, 0.4); }));
+  row("lump of 15 mm, contrast 3", {{WarningFlag::kExtent, true}}, of_tissue([](Tissue& t) {
+        t.inclusions.front().x_m = t.width_m / 2, t.inclusions.front().y_m = 0.009;
+        t.inclusions.front().diameter_m = 0.015, t.inclusions.front().contrast = 3;
+      }));
   // Of a lump of 15 mm in a window of half the size hardly any contrast is left that could show.
   row("60 x 40 mm, lump of 30 mm, contrast 3", {{WarningFlag::kExtent, true}}, at(kLarge, [](Tissue& t) {
         t.inclusions.front().x_m = t.width_m / 2, t.inclusions.front().y_m = 0.018;

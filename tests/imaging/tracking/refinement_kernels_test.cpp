@@ -168,7 +168,7 @@ TEST(RefinementKernels, EdgesAreWeighedByMedians) {
       for (const bool heard : {true, false}) {
         const Queue queue = device->queue();
         const std::size_t width = std::clamp<std::size_t>(device->info().width<float>(), 2, 16),
-                          group = device->info().gpu ? 64 : 1;
+                          group = device->info().gpu ? 512 : 1;
         const auto whole = [&](std::vector<float> values) {
           values.resize((values.size() + width - 1) / width * width, 0.0f);
           return queue.array(values);
