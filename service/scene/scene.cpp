@@ -20,7 +20,8 @@ std::shared_ptr<const ExplicitModulus> charged(ExplicitModulus e, const MemoryAc
     ExplicitModulus modulus;
   };
   const std::size_t values = e.x_m.size() + e.y_m.size() + e.z_m.size() + e.slices_m.size() +
-                             e.youngs_modulus_pa.size() + e.log_deviation.size();
+                             e.youngs_modulus_pa.size() + e.log_deviation.size() +
+                             e.hidden_log_variance.size();
   std::size_t bytes = values * sizeof(double);
   for (const std::vector<float>& modes : e.log_modes) bytes += modes.size() * sizeof(float);
   auto held =

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "service/scene/between_slices.h"
 #include "service/scene/slices.h"
 
 namespace teletact::service {
@@ -247,6 +248,7 @@ SceneRecord decoded(const std::string& description,
       for (const json& count : scene["log_modes"])
         e.log_modes.push_back(take<float>(rest, count_of(count, "log_modes")));
     check_modulus(e, record.geometry, limits);
+    e.hidden_log_variance = hidden_log_variance(e);
     record.explicit_modulus = std::move(e);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known

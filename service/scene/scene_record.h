@@ -32,6 +32,7 @@ struct ExplicitModulus {
   std::vector<double> log_deviation = {};  // standard deviation of ln E, as E; empty: exact
   // Of each slice what of that is wrong alike (ModulusSlice::log_modes); empty: of none.
   std::vector<std::vector<float>> log_modes = {};
+  std::vector<double> hidden_log_variance = {};  // between_slices.h: found from the above, not kept
   bool solid() const { return !z_m.empty(); }
   std::size_t slices() const { return !solid() ? 1 : slices_m.empty() ? z_m.size() - 1 : slices_m.size(); }
   // Of a solid.

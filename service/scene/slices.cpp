@@ -10,6 +10,7 @@
 
 #include "service/base/choices.h"
 #include "service/base/force_budget.h"
+#include "service/scene/between_slices.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -112,8 +113,17 @@ double nearest_slice_m(const ExplicitModulus& e, double z_m) {
   return nearest_m;
 }
 
-double unseen_variance(double from_slice_m) {
-  return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
+// Of ln E as it is felt there, of what lies between the slices, or beyond the last, and shows in neither.
+double unseen_variance(const ExplicitModulus& e, const FeltElements& felt, const Between& at,
+                       double from_slice_m) {
+  if (!(at.share > 0) || e.hidden_log_variance.empty())
+    return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
+  const std::size_t columns = e.x_m.size() - 1, rows = e.y_m.size() - 1;
+  double amid = 0;
+  felt.each([&](std::size_t n, double share) {
+    amid += share * e.hidden_log_variance[n / columns + rows * at.before];
+  });
+  return amid * squared(2 * from_slice_m / (e.slice_m(at.after) - e.slice_m(at.before)));
 }
 
 double spacing_z_m(const ExplicitModulus& e) {
@@ -173,7 +183,7 @@ FeltVariance felt_variance(const ExplicitModulus& e, const FeltPlace& place) {
       felt.change += share * at.share * (1 - at.share) * squared(std::log(far[n] / near[n]));
     });
   }
-  felt.unseen = unseen_variance(nearest_slice_m(e, place.z_m));
+  felt.unseen = unseen_variance(e, elements, at, nearest_slice_m(e, place.z_m));
   return felt;
 }
 
@@ -214,6 +224,7 @@ ExplicitModulus stacked(ExplicitModulus grid, const std::vector<ModulusSlice>& s
     put(grid, grid.slices_m.size(), slice, false);
     grid.slices_m.push_back(slice.z_m);
   }
+  grid.hidden_log_variance = hidden_log_variance(grid);
   return grid;
 }
 
@@ -229,6 +240,7 @@ GrownModulus with_slice(const ExplicitModulus& old, const ModulusSlice& slice, c
   if (!in_its_place) require_room(old, places.size() + 1, limits);
   put(out.modulus, out.slice, slice, in_its_place);
   if (!in_its_place) places.insert(at, slice.z_m);
+  out.modulus.hidden_log_variance = hidden_log_variance(out.modulus);
   return out;
 }
 
@@ -292,7 +304,8 @@ std::optional<SliceWish> wished_slice(const ExplicitModulus& e, const FeltPlace&
                middle_m = e.z_m.front() + (before + 0.5) * spacing_m;
   if (nearest_slice_m(e, middle_m) < kSameSliceM) return std::nullopt;  // z is farther by a rounding
   const FeltVariance felt = felt_variance(e, place);
-  const double with_it = std::sqrt(felt.stated + unseen_variance(std::abs(z_m - middle_m))),
+  const double left = unseen_variance(e, {e.x_m, e.y_m, place}, between(e, z_m), std::abs(z_m - middle_m)),
+               with_it = std::sqrt(felt.stated + left),
                less = ForceBudget::kOf95 * (felt.deviation() - with_it);
   if (less <= tolerance.value_or(usual_tolerance(std::sqrt(felt.stated)).relative)) return std::nullopt;
   return SliceWish{middle_m, ForceBudget::kOf95 * felt.deviation()};

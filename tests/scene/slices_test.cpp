@@ -69,6 +69,14 @@ ModulusSlice uniform(double z_m, double pa, double deviation) {
   return slice;
 }
 
+// In the middle of a gap between slices that are even: what nothing is known of stands for one of the places
+// in which nothing was seen, 5 mm apart in the slices, of which `apart` tell something of their own.
+double hidden(double gap_m, double apart) {
+  const double places = apart * (kWidthM - 0.002 - gap_m) / choices::kSliceReach;
+  return std::pow(choices::kUnseenDeviation * std::min(1.0, gap_m / 2 / choices::kSliceReach), 2) /
+         (places + 1);
+}
+
 TEST(Slices, TheirDeviationGrowsBetweenThem) {
   const ExplicitModulus e =
       stacked(grid(), {uniform(-0.004, 1e4, 0.1), uniform(0.004, 3e4, 0), uniform(0.006, 3e4, 0.2)}, {});
@@ -78,8 +86,8 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   EXPECT_NEAR(at(0.006), 0.2, 1e-12);
   // By hand: a quarter of the way 2 mm from the nearest; then amid slices that do not differ.
   const double differ = std::log(3.0), seen = 0.75 * 0.01 + 0.25 * 0.75 * differ * differ;
-  EXPECT_NEAR(at(-0.002), std::sqrt(seen + std::pow(choices::kUnseenDeviation * 0.4, 2)), 1e-12);
-  EXPECT_NEAR(at(0.005), std::sqrt(0.5 * 0.04 + std::pow(choices::kUnseenDeviation * 0.2, 2)), 1e-12);
+  EXPECT_NEAR(at(-0.002), std::sqrt(seen + hidden(0.008, 2.4) / 4), 1e-12);
+  EXPECT_NEAR(at(0.005), std::sqrt(0.5 * 0.04 + hidden(0.002, 2.4)), 1e-12);
   for (double z_m = -0.004; z_m < -0.0005; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
   for (double z_m = 0.006; z_m < 0.010; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
   EXPECT_DOUBLE_EQ(at(0.012), at(0.018)) << "no farther than what nobody measured";
@@ -105,8 +113,7 @@ TEST(Slices, OneMoreIsWishedWhereItTellsEnough) {
   EXPECT_NEAR(beyond->z_m, 0.013, 1e-12);
   // By hand: 4.6 mm from the nearest slice, 0.54 of the way; and farther than any reaches.
   const double differ = 0.54 * 0.46 * std::pow(std::log(4.0), 2);
-  EXPECT_NEAR(between->half_width,
-              1.96 * std::sqrt(0.01 + differ + std::pow(choices::kUnseenDeviation * 0.92, 2)), 1e-9);
+  EXPECT_NEAR(between->half_width, 1.96 * std::sqrt(0.01 + differ + hidden(0.010, 2) * 0.92 * 0.92), 1e-9);
   EXPECT_NEAR(beyond->half_width, 1.96 * std::hypot(0.1, choices::kUnseenDeviation), 1e-9);
   for (const double end_m : {-0.018, 0.018}) {  // the solid's own ends
     ASSERT_TRUE(at(known, end_m, 0.1));
@@ -161,7 +168,7 @@ TEST(Slices, WhatIsWrongAlikeIsFeltAsAWholeTheRestLess) {
   ASSERT_EQ(both.log_modes.size(), 2u);
   EXPECT_TRUE(both.log_modes[1].empty());
   EXPECT_NEAR(felt_log_deviation(both, {kBallX, 0, 0.002, kFeltM}).value(),
-              std::sqrt(0.125 * (1 + left) + std::pow(choices::kUnseenDeviation * 0.4, 2)), 1e-6);
+              std::sqrt(0.125 * (1 + left) + hidden(0.004, 1.8)), 1e-6);
 }
 
 TEST(Slices, DeviationsComeOneByOneAsTheyComeTogether) {
@@ -267,7 +274,8 @@ TEST(Slices, AreChargedAndGivenBackAndWithoutRoomNothingChanges) {
   auto scene = scene_of(stack({0}), {budget, "", "s"});
   const std::uint64_t one = budget->held(Place::kHost);
   scene->publish(slice_at(0.004));
-  EXPECT_EQ(budget->held(Place::kHost), one + (24 * 10 + 1) * sizeof(double)) << "the one before is gone";
+  EXPECT_EQ(budget->held(Place::kHost), one + (24 * 10 + 1 + 10) * sizeof(double))
+      << "the one before is gone";
   const Charge rest =
       MemoryAccount{budget}.charge(Place::kHost, "test", limits.host_memory_bytes - one - 100000);
   const auto before = scene->snapshot();
@@ -285,6 +293,7 @@ TEST(Slices, AreKeptOnDisk) {
   ASSERT_TRUE(again.explicit_modulus);
   EXPECT_EQ(again.explicit_modulus->slices_m, (std::vector<double>{-0.01, 0.001, 0.01}));
   EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa, scene->snapshot()->modulus->youngs_modulus_pa);
+  EXPECT_EQ(again.explicit_modulus->hidden_log_variance, scene->snapshot()->modulus->hidden_log_variance);
   const auto restored = std::make_shared<Scene>(again, versions(), Limits{});
   TouchSession one(scene, {}, test_device()), other(restored, {}, test_device());
   const double force = one.solve({kBallX, 0.002, 0.0}).contact.force_n[1];

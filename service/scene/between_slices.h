@@ -1,0 +1,16 @@
+// How much tissue changes between a solid's slices where neither shows it (T8.7).
+#pragma once
+
+#include <vector>
+
+#include "service/scene/scene_record.h"
+
+namespace teletact::service {
+
+// Variance of ln E in the middle of each gap between neighbouring slices, beyond what a change from the one
+// to the other explains: rows of elements, gap by gap. It is that of as wide gaps within the slices, times
+// how much more ln E changes from slice to slice than within them, and what choices::kUnseenDeviation says as
+// if it had been seen in one place. Empty where no slice has a neighbour.
+std::vector<double> hidden_log_variance(const ExplicitModulus&);
+
+}  // namespace teletact::service
