@@ -91,6 +91,10 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   for (double z_m = -0.004; z_m < -0.0005; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
   for (double z_m = 0.006; z_m < 0.010; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
   EXPECT_DOUBLE_EQ(at(0.012), at(0.018)) << "no farther than what nobody measured";
+  const ExplicitModulus far = stacked(grid(), {uniform(-0.006, 1e4, 0.1), uniform(0.006, 1e4, 0.1)}, {});
+  EXPECT_NEAR(felt_log_deviation(far, {kBallX, 0, 0, kFeltM}).value(),
+              std::hypot(0.1, choices::kUnseenDeviation), 1e-12)
+      << "what even slices do not reach is as unknown as ever";
   ExplicitModulus throughout = grid();
   throughout.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
   EXPECT_FALSE(felt_log_deviation(throughout, {kBallX, 0, 0, kFeltM}));
