@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_load_worker(app);
   teletact::bench::add_soak_suite(app, met);
   teletact::bench::add_contact_suite(app, met);
+  teletact::bench::add_device_suite(app, met);
   teletact::bench::add_stability_suite(app, met);
   teletact::bench::add_exploration_suite(app, met);
   teletact::bench::add_law_suite(app, met);

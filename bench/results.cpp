@@ -22,9 +22,10 @@ namespace fs = std::filesystem;
 
 // Larger tables are for pictures and programs. They stay in the JSON, and so do these keys.
 constexpr std::size_t kMaxRows = 24, kMaxColumns = 10;
-constexpr const char* kForPrograms[] = {"kernels", "lifts", "processor_s", "seconds"};
+constexpr const char* kForPrograms[] = {"fastest", "lifts", "processor_s", "product", "seconds"};
 // Columns that tell rows apart come first.
-constexpr const char* kNamingKeys[] = {"row", "name", "group", "model", "kernel", "pairs_of"};
+constexpr const char* kNamingKeys[] = {"row",   "name",   "stage",     "group",
+                                       "model", "kernel", "precision", "pairs_of"};
 // From this many on, promises of one kind share a row.
 constexpr std::size_t kMinOfAKind = 3;
 

@@ -50,6 +50,7 @@ void add_load_suite(CLI::App& app, bool& met);
 void add_soak_suite(CLI::App& app, bool& met);
 void add_contact_suite(CLI::App& app, bool& met);
 void add_stability_suite(CLI::App& app, bool& met);
+void add_device_suite(CLI::App& app, bool& met);
 void add_elastography_suite(CLI::App& app, bool& met);
 void add_exploration_suite(CLI::App& app, bool& met);
 void add_law_suite(CLI::App& app, bool& met);

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <memory>
 
-#include "bench/roofline_json.h"
 #include "bench/run_suite.h"
 
 namespace teletact::bench {
@@ -30,7 +29,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MeshFigures, columns, touched_nodes, ready_s,
                                    displacement_error)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ConvergenceFigures, pattern, contrast, finest_columns, meshes)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ContactFigures, force_goal, absent, device, threads, cases, product,
-                                   kernels, convergence)
+                                   convergence)
 
 namespace {
 
@@ -77,11 +76,7 @@ ContactFigures measure(const SuiteOptions& options, Promises& promises) {
   for (const ChartCase& chart : chart_cases(quick)) {
     const ContactProblem problem = make_problem(chart.of);
     figures.cases.push_back(measure_case(chart, problem, peers, device, quick));
-    if (chart.sweeps.front() != "base") continue;
-    figures.product = measure_product(problem, device, quick);
-    if (!device->info().has_double) continue;
-    figures.kernels = measure_kernels(problem, device->info().index, quick ? 20 : 100);
-    print(figures.kernels);
+    if (chart.sweeps.front() == "base") figures.product = measure_product(problem, device, quick);
   }
   figures.convergence = measure_convergence(quick);
   add_contact_promises(figures, promises);

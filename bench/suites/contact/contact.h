@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "bench/device_figures.h"
 #include "bench/peers/peer.h"
-#include "bench/roofline.h"
 #include "bench/suite.h"
 
 namespace teletact::bench {
@@ -114,7 +114,6 @@ struct ContactFigures {
   std::string threads = "host methods and their BLAS on one thread, device methods on the whole device";
   std::vector<CaseFigures> cases{};
   ProductFigures product{};
-  KernelProfile kernels{};
   std::vector<ConvergenceFigures> convergence{};
 };
 
@@ -124,8 +123,6 @@ ColumnFigures measure_columns(const ContactProblem&, const std::shared_ptr<servi
 ProductFigures measure_product(const ContactProblem& base, const std::shared_ptr<service::Device>&,
                                bool quick);
 std::vector<ConvergenceFigures> measure_convergence(bool quick);
-// Of a touch by conjugate gradients in double, the first one's set-up included.
-KernelProfile measure_kernels(const ContactProblem&, std::size_t device_index, int touches);
 
 // Acceptance lines that there are figures for.
 void add_contact_promises(const ContactFigures&, Promises&);

@@ -6,7 +6,6 @@
 #include <memory>
 
 #include "bench/basics/clock.h"
-#include "bench/roofline_json.h"
 #include "bench/run_suite.h"
 
 namespace teletact::service {
@@ -37,8 +36,8 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusSeed, failed, seconds, displacement_s,
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusMethodFigures, method, ours, seeds, image)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusCase, contrast, diameter_m, methods)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusFigures, background_pa, judged, cases)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(PlaneTimes, displacement_s, strain_s, modulus_s, total_s, touch_latency_s)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StageFigures, direct, iterative, devices)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowTimes, displacement_s, strain_s, modulus_s, total_s, touch_latency_s)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StageFigures, direct, iterative)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Failure, method, of, why)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WithoutFigure, method, of, seeds, of_seeds)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ElastographyFigures, edge_m, edge_rule, kernels_m, kernel_lateral_m,
@@ -77,7 +76,6 @@ ElastographyFigures measure(const SuiteOptions& options, Promises& promises) {
   figures.without_figure = without_figure(figures.conditions);
   timed("modulus", [&] { figures.modulus = measure_modulus(device, quick); });
   timed("stages", [&] { figures.stages = measure_stages(device, quick); });
-  for (const KernelProfile& profile : figures.stages.devices) print(profile);
   print_lost(figures.without_figure);
   add_elastography_promises(figures, promises);
   return figures;

@@ -10,11 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "bench/device_figures.h"
 #include "bench/peers/tracker.h"
 #include "bench/phantoms/metrics.h"
 #include "bench/phantoms/phantom.h"
-#include "bench/roofline.h"
 #include "bench/suite.h"
+#include "bench/windows_beside_touch.h"
 
 namespace teletact::bench {
 
@@ -131,12 +132,8 @@ struct ModulusFigures {
   std::vector<ModulusCase> cases{};
 };
 
-struct PlaneTimes {
-  Quantiles displacement_s, strain_s, modulus_s, total_s, touch_latency_s;
-};
 struct StageFigures {
-  PlaneTimes direct, iterative;  // beside a touch stream
-  std::vector<KernelProfile> devices;
+  WindowTimes direct, iterative;  // beside a touch stream
 };
 
 // Where a method stops working along a factor.

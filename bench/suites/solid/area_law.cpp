@@ -10,7 +10,7 @@
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/curves.h"
-#include "bench/suites/solid/cases.h"
+#include "bench/solid_blocks.h"
 #include "bench/suites/solid/solid.h"
 #include "common/contact_law.h"
 #include "service/contact/area_sampler.h"

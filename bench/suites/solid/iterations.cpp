@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "bench/curves.h"
-#include "bench/suites/solid/cases.h"
+#include "bench/solid_blocks.h"
 #include "bench/suites/solid/solid.h"
 #include "service/tissue/solid/solid_solver.h"
 

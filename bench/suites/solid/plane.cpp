@@ -7,7 +7,7 @@
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/curves.h"
-#include "bench/suites/solid/cases.h"
+#include "bench/solid_blocks.h"
 #include "bench/suites/solid/solid.h"
 #include "service/tissue/solid/solid_solver.h"
 #include "service/tissue/tissue_model.h"

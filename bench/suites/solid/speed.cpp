@@ -13,8 +13,8 @@
 #include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/curves.h"
+#include "bench/device_figures.h"
 #include "bench/peers/linear_solver.h"
-#include "bench/roofline_json.h"
 #include "bench/suites/solid/solid.h"
 #include "bench/suites/solid/truth.h"
 
@@ -66,9 +66,8 @@ struct Figures {
   std::vector<Force> forces{};
   std::vector<Point> points{};
   std::vector<std::string> absent{};  // peers that are not installed
-  KernelProfile kernels{};            // of a touch in float, 70 k nodes
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, device, load_average, own, forces, points, absent, kernels)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figures, device, load_average, own, forces, points, absent)
 
 template <class T>
 void measure_own(const std::shared_ptr<service::Device>& device, const service::SolidTissue& tissue,
@@ -242,35 +241,6 @@ void measure_peers(const Sparse& k, const Eigen::VectorXd& load, const SolidTrut
   add({nodes, "Eigen SimplicialLDLT", false, setup_s, solve_s, std::sqrt(truth.squared_error(u)), 0}, f);
 }
 
-// Of one launch, from the kernels' comments and loops; every array counts once.
-Works work_of(const service::SolidGrid& grid) {
-  const double nodes = double(grid.elements()), planes = double(3 * grid.layers());
-  const double field = nodes * sizeof(float), pitch = double((grid.nx / 2 + 8) / 8 * 8);
-  const double waves = pitch * double(grid.nz * grid.layers());  // complex numbers of a component's spectrum
-  const double blocks = pitch * double((grid.nz / 2 + 1) * grid.layers()) * sizeof(float);
-  const double spectrum = 6 * waves * sizeof(float);
-  const double columns = double(grid.columns());
-  const Work transform{3 * field + spectrum, planes * 2.5 * columns * std::log2(columns)};
-  return {{"solid_apply", {7 * field, 1152 * nodes}},
-          {"solid_advance", {13 * field, 1158 * nodes}},
-          {"solid_direction", {9 * field, 6 * nodes}},
-          {"step_forward", {transform.bytes + 15 * field, transform.flops + 12 * nodes}},
-          {"backward_dot", {transform.bytes + 3 * field, transform.flops + 6 * nodes}},
-          {"layers_up", {2 * spectrum + 9 * blocks, 36 * waves}},
-          {"layers_down", {2 * spectrum + 15 * blocks, 66 * waves}}};
-}
-
-KernelProfile measure_kernels(std::size_t device_index, int touches) {
-  const service::SolidGrid grid = solid_70k();
-  const ProfiledDevice profiled(device_index);
-  const service::Queue queue = profiled.device()->queue();
-  service::SolidSolver<float> solver(queue, solid_tissue(grid, 0.49, {}));
-  const SolidTouch touch{hertz_load(grid)};
-  queue.take_work();
-  for (int k = 0; k < touches; ++k) touch.solve(solver, {.relative_error = 0, .max_iterations = 10});
-  return profiled.profile(queue, work_of(grid), touches);
-}
-
 void promise(const Figures& f, Promises& promises) {
   struct Size {
     std::size_t nodes;
@@ -339,7 +309,6 @@ Figures measure(bool quick, Promises& promises) {
       load[Eigen::Index(touch.surface.unknowns[n])] = touch.surface.values[Eigen::Index(n)];
     measure_peers(k, load, *truth, grid.elements(), quick, f);
   }
-  print(f.kernels = measure_kernels(device->info().index, quick ? 3 : 50));
   promise(f, promises);
   return f;
 }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "bench/suites/solid/cases.h"
+#include "bench/solid_blocks.h"
 #include "bench/suites/solid/solid.h"
 #include "client/files/picture.h"
 #include "service/contact/solid_contact.h"

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "bench/solid_blocks.h"
 #include "bench/suite.h"
-#include "bench/suites/solid/cases.h"
 #include "service/tissue/solid/solid_solver.h"
 #include "tests/reference/solid.h"
 

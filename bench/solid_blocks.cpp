@@ -1,4 +1,4 @@
-#include "bench/suites/solid/cases.h"
+#include "bench/solid_blocks.h"
 
 #include <cmath>
 #include <map>

@@ -1,7 +1,12 @@
-// The kernels of the device's conjugate gradients against what the device can do (acceptance 8).
-#include "bench/suites/contact/contact.h"
+// Planes by conjugate gradients, as the product solves them: squares of nodes under a touch's load, and a
+// scene's window under a batch of loads.
+#include <string>
+
+#include "bench/peers/contact_case.h"
+#include "bench/suites/device/device.h"
+#include "service/scene/tissue_models.h"
 #include "service/solver/multigrid.h"
-#include "service/tissue/elasticity_solver.h"
+#include "service/tissue/iterative_compliances.h"
 
 namespace teletact::bench {
 namespace {
@@ -68,22 +73,57 @@ Works work_of(const service::TissueGrid& grid, const service::Queue& queue) {
   return work;
 }
 
+DeviceStage make(const std::string& name, const reference::TouchedTissue& tissue, std::size_t columns,
+                 const std::shared_ptr<service::Device>& device) {
+  const service::ElasticitySolverOptions options =
+      service::iterative_options(*device, tissue.material.poisson_ratio);
+  const auto solver = std::make_shared<service::ElasticitySolver>(device, tissue.grid, tissue.supports,
+                                                                  tissue.material, options);
+  return {name,
+          solver->queue(),
+          [=, loads = surface_loads(tissue.grid, columns)] {
+            std::vector<double> u(loads.size());
+            solver->solve(columns, loads, u);
+          },
+          {},
+          1,
+          work_of(tissue.grid, device->queue())};
+}
+
 }  // namespace
 
-KernelProfile measure_kernels(const ContactProblem& p, std::size_t device_index, int touches) {
-  const ProfiledDevice profiled(device_index);
-  service::ElasticitySolverOptions solver_options;
-  solver_options.precision = service::SolvePrecision::kDouble;
-  service::ElasticitySolver solver(profiled.device(), p.tissue.grid, p.tissue.supports, p.tissue.material,
-                                   solver_options);
-  std::vector<double> load(p.tissue.grid.dofs(), 0.0);
-  for (const std::size_t dof : p.contact_dofs) load[dof] = 1;
-  solver.queue().take_work();
-  for (int k = 0; k < touches; ++k) {
-    std::vector<double> u(load.size(), 0.0);
-    solver.solve(1, load, u);
-  }
-  return profiled.profile(solver.queue(), work_of(p.tissue.grid, profiled.device()->queue()), touches);
+std::vector<double> surface_loads(const service::TissueGrid& grid, std::size_t count) {
+  std::vector<double> loads(count * grid.dofs());
+  for (std::size_t q = 0; q < count; ++q)
+    loads[q * grid.dofs() + 2 * grid.node((2 * q + 1) * grid.nx() / (2 * count), 0) + 1] = 1;
+  return loads;
+}
+
+reference::TouchedTissue scene_window() {
+  service::SceneGeometry geometry;
+  geometry.width_m = 0.260, geometry.depth_m = 0.040;
+  reference::TouchedTissue tissue;
+  tissue.grid = {service::window_columns_m(geometry, 0.100, 0.160), service::window_rows_m(geometry)};
+  tissue.supports = geometry.supports;
+  tissue.material = {std::vector<double>(tissue.grid.elements(), 10e3), geometry.poisson_ratio};
+  for (std::size_t e = 0; e < tissue.grid.elements(); e += 7) tissue.material.youngs_modulus_pa[e] = 100e3;
+  return tissue;
+}
+
+void measure_planes(DevicePart& part) {
+  constexpr std::size_t kBatch = 32;
+  for (const std::size_t nodes : {61, 241})
+    if (nodes == 61 || !part.quick)
+      part.measure([&](const auto& device) {
+        return make(std::to_string(nodes) + " x " + std::to_string(nodes) + " nodes, a load",
+                    make_tissue({nodes, nodes}), 1, device);
+      });
+  const reference::TouchedTissue window = scene_window();
+  part.measure([&](const auto& device) {
+    return make(
+        std::to_string(window.grid.nx()) + " x " + std::to_string(window.grid.ny()) + " nodes, 32 loads",
+        window, kBatch, device);
+  });
 }
 
 }  // namespace teletact::bench

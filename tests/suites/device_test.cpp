@@ -1,0 +1,91 @@
+// The suite of one device, as a process on small sizes: what it writes, goes on with and ends.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "bench/basics/gpu_model.h"
+#include "tests/integration/process.h"
+
+namespace teletact {
+namespace {
+
+class DeviceSuite : public testing::Test {
+ protected:
+  auto ran(std::vector<std::string> more) {
+    std::vector<std::string> command{test::required_environment("TELETACT_BINARY_DIR") +
+                                     "/bench/teletact-bench"};
+    command.insert(command.end(), more.begin(), more.end());
+    constexpr double kMostS = 600;
+    return test::run(command, folder_ / "log", {}, kMostS);
+  }
+  auto measured(std::vector<std::string> more) {
+    more.insert(more.begin(), {"device", "--quick", "--out", folder_ / "out"});
+    return ran(std::move(more));
+  }
+  std::string text(const std::string& name) const {
+    std::ifstream file(folder_ / name);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  nlohmann::json written(const std::string& name) const {
+    return nlohmann::json::parse(text("out/" + name), nullptr, false);
+  }
+  const test::TemporaryFolder folder_;
+};
+
+TEST_F(DeviceSuite, PartsAreKeptAndGoneOnWith) {
+  const auto first = measured({"--only", "limits", "solids"});
+  ASSERT_EQ(first.code, 0) << first.output;
+  const auto limits = written("limits.json"), solids = written("solids.json");
+  EXPECT_EQ(limits.at("ended"), "complete");
+  for (const auto& [name, value] : limits.at("limits").at(0).items()) EXPECT_GT(value, 0) << name;
+  const auto& stages = solids.at("stages");
+  for (const auto& stage : stages) {
+    EXPECT_GT(stage.at("launches"), 0) << stage;
+  }
+  const auto& gpu = stages.back();  // a processor's own is before it
+  EXPECT_LE(gpu.at("launches"), 8) << gpu;
+  EXPECT_EQ(gpu.at("waits"), 0) << gpu;
+  EXPECT_GT(gpu.at("a_gpu_modelled_ms"), 8 * 1e3 * bench::GpuModel{}.launch_s) << gpu;
+  const auto again = measured({"--only", "limits", "solids"});
+  EXPECT_EQ(again.code, 1);
+  EXPECT_NE(again.output.find("--resume"), std::string::npos) << again.output;
+  const auto other = measured({"--resume", "--as-gpu", "--only", "references"});
+  EXPECT_EQ(other.code, 1);
+  EXPECT_NE(other.output.find("another device or kind of run"), std::string::npos) << other.output;
+  const auto resumed = measured({"--resume", "--only", "limits", "references"});
+  EXPECT_EQ(resumed.code, 0) << resumed.output;
+  EXPECT_EQ(written("limits.json"), limits) << "measured anew";
+  const auto all = written("device.json");
+  EXPECT_EQ(all.at("solids_stages"), stages);
+  ASSERT_GE(all.at("references").size(), 5);
+  for (const auto& row : all.at("references")) EXPECT_TRUE(row.at("met")) << row;
+  const auto page = ran({"report", folder_ / "out/device.json", "--out", folder_ / "pages"});
+  ASSERT_EQ(page.code, 0) << page.output;
+  EXPECT_NE(text("pages/device.md").find(all.at("device").at("name")), std::string::npos);
+}
+
+TEST_F(DeviceSuite, APartIsEndedAtItsLimitAndSaysSo) {
+  const auto run = measured({"--only", "solids", "--part-limit-s", "0.001"});
+  EXPECT_EQ(run.code, 0) << run.output;
+  EXPECT_EQ(written("solids.json").at("ended"), "stopped by its limit of 0.001 s");
+  EXPECT_NE(run.output.find("stopped by its limit"), std::string::npos) << run.output;
+  const auto none = measured({"--only", "solids", "--device", "none of these", "--force"});
+  EXPECT_EQ(none.code, 1);
+  EXPECT_NE(none.output.find("no OpenCL device matches"), std::string::npos) << none.output;
+}
+
+// Iterations that an H100 was timed at: 18 launches, a wait, a serial sum of all nodes.
+TEST(GpuModel, IsThatOfTheGpuOnRecord) {
+  const bench::GpuModel model;
+  const auto iteration_s = [&](double nodes) { return model.seconds(18, 1, nodes, 160 * nodes, 0); };
+  EXPECT_GE(iteration_s(70e3), 0.7e-3);
+  EXPECT_LE(iteration_s(70e3), 1.3e-3);
+  EXPECT_GE(iteration_s(336e3), 3e-3);
+  EXPECT_LE(iteration_s(336e3), 5e-3);
+}
+
+}  // namespace
+}  // namespace teletact
