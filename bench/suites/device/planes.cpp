@@ -32,10 +32,10 @@ Nodes nodes_of(const service::Multigrid<double, float>& multigrid, service::Cycl
   return nodes;
 }
 
-// Of one launch and right-hand side, from the kernels' comments: conjugate gradients in double, multigrid in
-// float. A step of multigrid is a launch on each level that is not small: the mean of these; `run_steps` is
-// all of them on the small levels. Each array counts once.
-Works work_of(const service::TissueGrid& grid, const service::Queue& queue) {
+// Of one launch (one right-hand side but for `elasticity_apply`), from the kernels' comments: conjugate
+// gradients in double, multigrid in float. A step of multigrid is a launch on each level that is not small:
+// the mean of these; `run_steps` is all of them on the small levels. Each array counts once.
+Works work_of(const service::TissueGrid& grid, double columns, const service::Queue& queue) {
   using service::CycleStep;
   const service::Multigrid<double, float> multigrid(queue, {grid.x_m, grid.y_m});
   const auto fine = static_cast<double>(grid.nodes());
@@ -54,7 +54,7 @@ Works work_of(const service::TissueGrid& grid, const service::Queue& queue) {
                {CycleStep::kProlong, "prolong_add", 4 * (4 + 2 + 0.25 * 18), 12},
                {CycleStep::kPack, "vectors_to_planes", kPackBytes, 0},
                {CycleStep::kUnpack, "planes_to_vectors", kPackBytes, 0}};
-  Works work{{"elasticity_apply", per(2 + 2 + 2 + 2, 240)},
+  Works work{{"elasticity_apply", per((2 + 2) * columns + 2 + 2, 240 * columns)},
              {"elasticity_stencil", per(36 + 2 + 1, 600)},
              {"dot_two", per(8, 8)},
              {"pcg_update", per(12, 12)},
@@ -87,7 +87,7 @@ DeviceStage make(const std::string& name, const reference::TouchedTissue& tissue
           },
           {},
           1,
-          work_of(tissue.grid, device->queue())};
+          work_of(tissue.grid, double(columns), device->queue())};
 }
 
 }  // namespace

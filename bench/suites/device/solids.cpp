@@ -23,6 +23,7 @@ Works work_of(const service::SolidGrid& grid) {
           {"solid_direction", {9 * field, 6 * nodes}},
           {"step_forward", {transform.bytes + 15 * field, transform.flops + 12 * nodes}},
           {"backward_dot", {transform.bytes + 3 * field, transform.flops + 6 * nodes}},
+          {"columns", {2 * spectrum, planes * 1.25 * columns * std::log2(columns)}},
           {"layers_up", {2 * spectrum + 9 * blocks, 36 * waves}},
           {"layers_down", {2 * spectrum + 15 * blocks, 66 * waves}}};
 }
