@@ -14,16 +14,16 @@ namespace {
 
 class DeviceSuite : public testing::Test {
  protected:
-  auto ran(std::vector<std::string> more) {
+  auto ran(const std::vector<std::string>& more, const test::Environment& environment = {}) {
     std::vector<std::string> command{test::required_environment("TELETACT_BINARY_DIR") +
                                      "/bench/teletact-bench"};
     command.insert(command.end(), more.begin(), more.end());
     constexpr double kMostS = 600;
-    return test::run(command, folder_ / "log", {}, kMostS);
+    return test::run(command, folder_ / "log", environment, kMostS);
   }
-  auto measured(std::vector<std::string> more) {
+  auto measured(std::vector<std::string> more, const test::Environment& environment = {}) {
     more.insert(more.begin(), {"device", "--quick", "--out", folder_ / "out"});
-    return ran(std::move(more));
+    return ran(more, environment);
   }
   std::string text(const std::string& name) const {
     std::ifstream file(folder_ / name);
@@ -75,6 +75,17 @@ TEST_F(DeviceSuite, APartIsEndedAtItsLimitAndSaysSo) {
   const auto none = measured({"--only", "solids", "--device", "none of these", "--force"});
   EXPECT_EQ(none.code, 1);
   EXPECT_NE(none.output.find("no OpenCL device matches"), std::string::npos) << none.output;
+}
+
+TEST_F(DeviceSuite, ASlowOpenClIsSlowToCall) {
+  const std::string slow =
+      test::required_environment("TELETACT_BINARY_DIR") + "/bench/libteletact_slow_opencl.so";
+  const auto run = measured({"--only", "limits"}, {{"LD_PRELOAD", slow}});
+  ASSERT_EQ(run.code, 0) << run.output;
+  const auto limits = written("limits.json").at("limits").at(0);
+  EXPECT_GE(limits.at("launch_s"), bench::GpuModel{}.launch_s);
+  EXPECT_GE(limits.at("wait_s").get<double>() + limits.at("launch_s").get<double>(),
+            bench::GpuModel{}.launch_s + bench::GpuModel{}.wait_s);
 }
 
 // Iterations that an H100 was timed at: 18 launches, a wait, a serial sum of all nodes.
