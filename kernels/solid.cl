@@ -176,6 +176,12 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void solid_advance(
 }
 #endif
 
+// to += from. Items: groups of WIDTH.
+kernel void solid_add(global real* restrict to, global const real* restrict from, const int groups) {
+  const int n = get_global_id(0);
+  if (n < groups) STORE(LOAD(to + WIDTH * n) + LOAD(from + WIDTH * n), to + WIDTH * n);
+}
+
 // Partial sums of a . b, from `first` on: each item sums `chunk` groups of WIDTH. Items: (chunk).
 kernel void solid_dot(global const real* restrict a, global const real* restrict b,
                       global accum* restrict partial, const int first, const int groups, const int chunk) {

@@ -107,7 +107,7 @@ void leave_out(const VectorXd& log_strain, const CellGrid& cells, VectorXd& obse
 }  // namespace
 
 ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
-    : queue_(queue), strips_(strips), weigher_(queue, strain, std::move(strips)) {}
+    : strips_(strips), weigher_(queue, strain, std::move(strips)) {}
 
 int ProbeFitter::max_solves(FitEffort effort) {
   const bool all = effort != FitEffort::kUsual, others = effort == FitEffort::kAllStarts;
@@ -250,12 +250,8 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   // In the cells of the likeliest.
   ProbeFit out;
   out.face = likeliest.face;
-  if (!kept_ || kept_->face != out.face || kept_->block != likeliest.block) {
-    kept_.reset();
-    kept_ = {out.face, likeliest.block,
-             likeliest.block ? make_probed_block(out.face, *strips_) : make_probed_solid(queue_, out.face)};
-  }
-  out.tissue = kept_->tissue;
+  out.tissue = likeliest.block ? std::shared_ptr<ProbedTissue>(make_probed_block(out.face, *strips_))
+                               : weigher_.solid(out.face, kFineCellM);
   const CellGrid& cells = out.tissue->cells();
   const auto in_cells = [&](const VectorXd& coarse) { return sampled(coarse, w.cells, cells); };
   out.measured = cell_strains(in.measured, cells, top_of(in.measured), sign);
@@ -269,7 +265,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
         return kind.of->face.goes_on() && kind.weight > kLeastWeight;
       }))
     log_share = std::log(out.face.goes_on() ? out.tissue->force_share()
-                                            : make_probed_solid(queue_, w.face, kCoarseCellM)->force_share());
+                                            : weigher_.solid(w.face, kCoarseCellM)->force_share());
   // An absolute modulus goes as the strain that a force brings, a relative one as the strain beside its mean.
   const double observed = w.measured.observed.sum();
   const auto of_modulus = [&](VectorXd log_strain, double log_force) {

@@ -53,22 +53,15 @@ class ProbeFitter {
   // The most that fit() solves.
   static int max_solves(FitEffort);
 
-  void forget() { kept_.reset(), weigher_.forget(); }
+  void forget() { weigher_.forget(); }
 
  private:
   bool may_be_astray(const WeighedTissues& start) const;
   std::optional<ProbeFace> far_from_stated(const TissueWindow& stated, const WeighedTissues& start);
   ProbeFit publish(const std::vector<WeighedTissues>& starts, const ModulusInput&, double sign, bool all,
                    bool untried);
-  Queue queue_;
   std::shared_ptr<StripCache> strips_;
   TissueWeigher weigher_;
-  struct Kept {
-    ProbeFace face;
-    bool block;
-    std::shared_ptr<ProbedTissue> tissue;
-  };
-  std::optional<Kept> kept_;  // of the pair before
 };
 
 }  // namespace teletact::service

@@ -168,9 +168,10 @@ double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch) {
 
 class ProbedSolid : public ProbedTissue {
  public:
-  ProbedSolid(const Queue& queue, const ProbeFace& face, double cell_m)
-      : ProbedSolid(queue, face, cells_under(face, cell_m), nodes_across(face, cell_m)) {}
-  ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells, std::size_t across)
+  ProbedSolid(const Queue& queue, const ProbeFace& face, double cell_m, std::shared_ptr<ProbedTissue> last)
+      : ProbedSolid(queue, face, cells_under(face, cell_m), nodes_across(face, cell_m), std::move(last)) {}
+  ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells, std::size_t across,
+              std::shared_ptr<ProbedTissue> last)
       : face_(face),
         nodes_across_(across),
         tissue_(tissue_under(face, cells, across)),
@@ -179,12 +180,12 @@ class ProbedSolid : public ProbedTissue {
         across_(within(face, tissue_.grid.nz, across - 1, tissue_.grid.spacing_z_m)),
         patch_(patch_under(tissue_.grid, cells.columns, across)),
         queue_(queue),
-        solver_(queue, tissue_) {
+        solver_(solver_of(std::move(last))) {
     cells_ = cells;
   }
 
   Response push(const VectorXd& log_modulus, double tilt, const Planes& planes) override {
-    solver_.forget_last();
+    solver_->forget_last();
     return pushed(log_modulus, tilt, planes, 0);
   }
 
@@ -212,11 +213,21 @@ class ProbedSolid : public ProbedTissue {
   }
 
  private:
+  // The last tissue's where it is of the same layers on the same mesh; else that is let go first.
+  std::shared_ptr<SolidSolver<float>> solver_of(std::shared_ptr<ProbedTissue> last) const {
+    const auto* solid = dynamic_cast<const ProbedSolid*>(last.get());
+    if (solid && solid->tissue_.grid == tissue_.grid && solid->face_.slides == face_.slides &&
+        solid->face_.poisson_ratio == face_.poisson_ratio)
+      return solid->solver_;
+    last.reset();
+    return std::make_shared<SolidSolver<float>>(queue_, tissue_);
+  }
+
   Response pushed(const VectorXd& log_modulus, double tilt, const Planes& planes,
                   std::size_t min_iterations) {
     fill(log_modulus, planes);
-    const auto& layers_pa = solver_.layers().youngs_modulus_pa;
-    solver_.use(std::make_shared<const SolidModulus<float>>(queue_, tissue_, beside(tissue_, layers_pa)));
+    const auto& layers_pa = solver_->layers().youngs_modulus_pa;
+    solver_->use(std::make_shared<const SolidModulus<float>>(queue_, tissue_, beside(tissue_, layers_pa)));
     const auto nodes = static_cast<Index>(cells_.columns + 1);
     VectorXd w(static_cast<Index>(patch_.unknowns.size()));
     for (Index n = 0; n < w.size(); ++n)
@@ -224,13 +235,13 @@ class ProbedSolid : public ProbedTissue {
     SolidOptions options;
     options.from_last = true, options.min_iterations = min_iterations;
     options.relative_error = face_.goes_on() ? kAccuracy : kAccuracyOfSides;
-    const SolidSolution solution = solver_.push(patch_, w, options);
+    const SolidSolution solution = solver_->push(patch_, w, options);
     if (solution.reason != StopReason::kConverged && !(solution.bounded_error() <= kMinAccuracy))
       throw std::invalid_argument(fmt::format(
           "probe_elevation_m, tissue_depth_m, poisson_ratio: a face of {:.3g} m x {:.3g} m on tissue {:.3g} "
           "m deep, nu {:.6g}, is beyond what is modelled ({}); check them, nu is about 0.49",
           face_.width_m, face_.elevation_m, face_.depth_m, face_.poisson_ratio, to_string(solution.reason)));
-    Response out = strains(solver_.displacement());
+    Response out = strains(solver_->displacement());
     // The energy is as good as the displacement. Where the sides give way the nodes' forces are not: in
     // single precision their sum may be anything. A push by w bears w of its force, about.
     out.force_n = face_.goes_on() ? solution.force_n.sum()
@@ -245,7 +256,7 @@ class ProbedSolid : public ProbedTissue {
     grid.nx /= 2, grid.spacing_x_m *= 2;
     grid.y_m = {0};
     std::vector<double> moduli_pa;
-    const std::vector<double>& of_layer = solver_.layers().youngs_modulus_pa;
+    const std::vector<double>& of_layer = solver_->layers().youngs_modulus_pa;
     for (std::size_t j = 0; j < of_layer.size();) {
       moduli_pa.push_back(of_layer[j]);
       j += j + 1 < of_layer.size() && of_layer[j + 1] == of_layer[j] ? 2 : 1;
@@ -365,14 +376,15 @@ class ProbedSolid : public ProbedTissue {
   std::vector<double> along_, across_;  // of elements: the share that lies within the tissue
   SurfacePatch patch_;
   Queue queue_;
-  SolidSolver<float> solver_;
+  std::shared_ptr<SolidSolver<float>> solver_;
   std::optional<double> force_share_;
 };
 
 }  // namespace
 
-std::unique_ptr<ProbedTissue> make_probed_solid(const Queue& queue, const ProbeFace& face, double cell_m) {
-  return std::make_unique<ProbedSolid>(queue, face, cell_m);
+std::shared_ptr<ProbedTissue> make_probed_solid(const Queue& queue, const ProbeFace& face, double cell_m,
+                                                std::shared_ptr<ProbedTissue> last) {
+  return std::make_shared<ProbedSolid>(queue, face, cell_m, std::move(last));
 }
 
 }  // namespace teletact::service

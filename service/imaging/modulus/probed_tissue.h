@@ -80,8 +80,10 @@ class ProbedTissue {
 inline constexpr double kFineCellM = 1e-3, kCoarseCellM = 2e-3;
 
 // T8's finite elements: what lies beyond a solid's end gives way, and so does a thin layer below one that
-// slides. Throws std::invalid_argument naming what is unusable, DeviceError.
-std::unique_ptr<ProbedTissue> make_probed_solid(const Queue&, const ProbeFace&, double cell_m = kFineCellM);
+// slides. Where `last` is on the same mesh it shares its solver. Throws std::invalid_argument naming what is
+// unusable, DeviceError.
+std::shared_ptr<ProbedTissue> make_probed_solid(const Queue&, const ProbeFace&, double cell_m = kFineCellM,
+                                                std::shared_ptr<ProbedTissue> last = {});
 // Ends where the probe does, free of stress there and across the plane; its far side lies so deep that the
 // image does not show it (StripModel in plane stress). It has no planes beside the image.
 std::unique_ptr<ProbedTissue> make_probed_block(const ProbeFace&, StripCache&, double cell_m = kFineCellM);

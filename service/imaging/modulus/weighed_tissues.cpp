@@ -64,7 +64,7 @@ const TissueAnswer& TissueWeigher::answer(ProbeFace face, bool tilted) {
   check_cancelled();
   // One that fails counts as well.
   coarse_solves_ += tilted ? 2 : 1;
-  const auto tissue = make_probed_solid(queue_, face, kCoarseCellM);
+  const auto tissue = solid(face, kCoarseCellM);
   TissueAnswer out = answer_of(*tissue, face);
   if (tilted) {
     const VectorXd more =
@@ -90,13 +90,20 @@ const FineAnswer& TissueWeigher::fine(const ProbeFace& face, bool with_skin) {
   const TissueAnswer& coarse = answer(face, true);
   check_cancelled();
   coarse_solves_ += kCoarsePerSolve * (with_skin ? 1 + kSkinSolves : 1);
-  const auto tissue = make_probed_solid(queue_, face);
+  const auto tissue = solid(face, kFineCellM);
   const TissueAnswer level = answer_of(*tissue, face);
   FineAnswer out{face, sampled(level.log_strain, level.cells, coarse.cells) - coarse.log_strain, {}};
   if (with_skin) out.skin = skin_answer(*tissue, level.log_strain, level.log_force, strain_, coarse.cells);
   const std::uint64_t values = coarse.cells.size() * (with_skin ? 1 + kSkinChanges : 1);
   out.held = queue_.account().charge(Place::kHost, "tissues", sizeof(out) + sizeof(double) * values);
   return fine_.emplace(std::move(out));
+}
+
+std::shared_ptr<ProbedTissue> TissueWeigher::solid(const ProbeFace& face, double cell_m) {
+  Solid& last = solids_[cell_m > kFineCellM];
+  if (!last.tissue || last.face != face)
+    last.tissue = make_probed_solid(queue_, face, cell_m, std::exchange(last.tissue, {})), last.face = face;
+  return last.tissue;
 }
 
 TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& face) const {

@@ -124,6 +124,8 @@ class TissueWeigher {
   // Of tissue that goes on, ends or slides, in coarse cells. Throws std::invalid_argument, DeviceError.
   const TissueAnswer& answer(ProbeFace, bool tilted = false);
   const FineAnswer& fine(const ProbeFace&, bool with_skin);
+  // The last of its cells, or with its solver where the mesh is the same. Throws alike.
+  std::shared_ptr<ProbedTissue> solid(const ProbeFace&, double cell_m);
   // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
   CandidateTissue reference(TissueWindow&, const ProbeFace& start, int rounds);
   // The reference, which moves from its start in `rounds` less one; `all`: what else the tissue may be, too.
@@ -136,7 +138,7 @@ class TissueWeigher {
   int coarse_solves() const { return coarse_solves_; }
   static int max_coarse_solves(bool all);  // of reference() and weigh() together
   static int max_coarse_solves_of_reference();
-  void forget() { answers_.clear(), fine_.reset(); }
+  void forget() { answers_.clear(), fine_.reset(), solids_ = {}; }
 
  private:
   const TissueAnswer& block_answer(const ProbeFace&, const CellGrid&);
@@ -150,6 +152,11 @@ class TissueWeigher {
   std::shared_ptr<StripCache> strips_;
   std::vector<std::unique_ptr<TissueAnswer>> answers_;  // of this window and those before
   std::optional<FineAnswer> fine_;                      // the last one
+  struct Solid {
+    ProbeFace face;
+    std::shared_ptr<ProbedTissue> tissue;
+  };
+  std::array<Solid, 2> solids_;  // the last of fine cells and of coarse
   int coarse_solves_ = 0;
 };
 

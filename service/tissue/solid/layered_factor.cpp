@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <map>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -77,14 +76,18 @@ Matrix3d symbol(const std::array<Matrix3d, 9>& blocks, const Wave& x, const Wave
 template <class Row>
 void eliminate(const SolidGrid& grid, const LayeredTissue& tissue, double poisson_ratio, const Row& row) {
   const std::size_t layers = grid.layers();
-  std::map<double, std::size_t> by_height;
+  constexpr double kAlike = 1e-9;  // heights: what differs less does so by rounding
+  std::vector<double> heights_m;
   std::vector<LayerStencil> stencils;
   std::vector<std::size_t> kind;  // of each layer
   for (std::size_t j = 0; j < layers; ++j) {
     const double height_m = grid.y_m[j + 1] - grid.y_m[j];
-    const auto [at, fresh] = by_height.emplace(height_m, stencils.size());
-    if (fresh) stencils.push_back(layer_stencil(grid, height_m, poisson_ratio));
-    kind.push_back(at->second);
+    const auto at = std::ranges::find_if(
+        heights_m, [&](double known_m) { return std::abs(height_m - known_m) < kAlike * known_m; });
+    kind.push_back(static_cast<std::size_t>(at - heights_m.begin()));
+    if (at != heights_m.end()) continue;
+    heights_m.push_back(height_m);
+    stencils.push_back(layer_stencil(grid, height_m, poisson_ratio));
   }
   std::vector<std::array<Matrix3d, 3>> symbols(stencils.size());
   for (std::size_t kz = 0; kz <= grid.nz / 2; ++kz) {

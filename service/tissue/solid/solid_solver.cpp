@@ -8,7 +8,6 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
@@ -122,6 +121,7 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
   const Defines defines{{"WIDTH", std::to_string(width_)}, {"GROUP", std::to_string(group_)}};
   const auto get = [&](const char* name) { return queue.kernel("solid", name, precision_of<T>, defines); };
   dot_ = get("solid_dot");
+  sum_ = get("solid_add");
   add_ = get("patch_add");
   project_ = get("patch_project");
   spread_ = get("patch_spread");
@@ -255,10 +255,7 @@ void SolidSolver<T>::begin_from_last(const Patch& patch, const Eigen::VectorXd& 
   if (!more_n.isZero(0)) {
     write_forces(patch, more_n);
     move_layers(patch.components, z_);
-    std::vector<T> moved = queue_.read(u_[0]);
-    const std::vector<T> more = queue_.read(z_);
-    std::ranges::transform(moved, more, moved.begin(), std::plus{});
-    queue_.write(u_[0], moved.data(), moved.size());
+    sum_({{static_cast<std::size_t>(groups_)}, {64}}, u_[0], z_, groups_);
   }
   write_forces(patch, force_n);
   turn(u_[0], 0, -1, 0);
@@ -411,9 +408,9 @@ template <class T>
 SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::VectorXd& w,
                                    const SolidOptions& options) {
   std::optional<Pushed> last = std::exchange(pushed_, std::nullopt);
-  const bool from_last = options.from_last && last && last->patch.unknowns == patch.unknowns &&
-                         last->patch.skin_m_n == patch.skin_m_n;
-  Pushed now = from_last ? std::move(*last) : set_pushed(patch);
+  const bool known = last && last->patch.unknowns == patch.unknowns && last->patch.skin_m_n == patch.skin_m_n;
+  const bool from_last = options.from_last && known && last->force_n.size() > 0;
+  Pushed now = known ? std::move(*last) : set_pushed(patch);
   const Patch& set = now.set;
   const Eigen::Index n = set.count;
   if (w.size() != n || !w.allFinite())
@@ -430,7 +427,8 @@ SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::Vecto
   solution.force_n = p.template cast<double>();
   solution.displacement_m = w - patch.skin_m_n.cwiseProduct(solution.force_n);
   now.w = w, now.force_n = solution.force_n;
-  if (options.from_last && solution.force_n.allFinite()) pushed_ = std::move(now);
+  if (!solution.force_n.allFinite()) now.force_n.resize(0);
+  if (options.from_last) pushed_ = std::move(now);
   return solution;
 }
 

@@ -106,7 +106,9 @@ class SolidSolver {
   // Of the last solution. Throws std::domain_error where it is not finite.
   RowExcess excess();
   // The next push begins anew.
-  void forget_last() { pushed_.reset(); }
+  void forget_last() {
+    if (pushed_) pushed_->force_n.resize(0);
+  }
   // Displacement of the last solution, or of the iterate that is watched, [plane = 3 row + component][z][x].
   std::vector<T> displacement() const { return queue_.read(u_[at(last_)]); }
   const LayeredTissue& layers() const { return modulus_->layers; }
@@ -120,7 +122,7 @@ class SolidSolver {
     Components components;
     bool pushed = true;
   };
-  // The patch of the last push, whose solution is on the device.
+  // The patch of the last push, which is on the device, and so is the solution unless force_n is empty.
   struct Pushed {
     SurfacePatch patch;
     Patch set;
@@ -175,7 +177,7 @@ class SolidSolver {
   Array<T> marks_, partial_;  // kernels/solid_marks.clh
   Array<int> unknowns_, slots_;
   Array<T> inverse_, q_, dq_;
-  Kernel step_, back_, surface_step_, apply_, direction_, dot_, add_, project_, spread_;
+  Kernel step_, back_, surface_step_, apply_, direction_, dot_, sum_, add_, project_, spread_;
 };
 
 }  // namespace teletact::service

@@ -20,6 +20,7 @@ struct SolidGrid {
   std::size_t columns() const { return nx * nz; }
   std::size_t elements() const { return columns() * layers(); }
   std::size_t unknowns() const { return 3 * elements(); }
+  bool operator==(const SolidGrid&) const = default;
 };
 
 struct SolidTissue {

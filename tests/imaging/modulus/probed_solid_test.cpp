@@ -36,7 +36,7 @@ ProbeFace face(double beside_m = kNowhere, bool slides = false) {
   return f;
 }
 
-std::unique_ptr<ProbedTissue> solid(const ProbeFace& f) {
+std::shared_ptr<ProbedTissue> solid(const ProbeFace& f) {
   return make_probed_solid(imaging_device()->queue(), f);
 }
 
@@ -80,6 +80,20 @@ TEST(ProbedSolid, TissueThatEndsFarAwayIsTissueThatGoesOn) {
   EXPECT_LE(off(of_far), 0.1);
   EXPECT_GE(off(of_near), 2 * off(of_far));
   EXPECT_LT(of_near.force_n, of_on.force_n);
+}
+
+// Whether the last one was on the same mesh or not, and whatever was solved in it.
+TEST(ProbedSolid, TheLastOnesSolverChangesNothing) {
+  ProbeFace longer = face(0.005), tougher = face(0.005);
+  longer.elevation_m *= 1.1, tougher.poisson_ratio = 0.45;
+  for (const ProbeFace& f : {face(0.005), face(0.005, true), longer, tougher}) {
+    const auto last = solid(face());
+    last->push_homogeneous(0.1);
+    const auto of_own = solid(f)->push_homogeneous(),
+               after = make_probed_solid(imaging_device()->queue(), f, kFineCellM, last)->push_homogeneous();
+    EXPECT_EQ(after.axial_strain, of_own.axial_strain);
+    EXPECT_EQ(after.force_n, of_own.force_n);
+  }
 }
 
 // Bonded tissue does not widen at its bottom; tissue that slides does, bears less, and is not lifted off.
