@@ -46,6 +46,9 @@ constexpr double kUnsettledLog = 0.5;        // of the last step, where the time
 // ln E about the background: stiffer tissue hardly strains, so that how stiff it is nobody knows. As long
 // as it bears little of the force, that does not matter.
 constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
+// Deviation of ln E over the cells, from the half of them that is nearest to their middle: where half are
+// beyond a factor of two there is no background.
+constexpr double kDeviationOfHalf = 1.48, kMaxSpread = kDeviationOfHalf * 0.6931;
 
 TissueGrid mesh_of(const CellGrid& cells) {
   TissueGrid grid;
@@ -154,8 +157,9 @@ class SolidModulusMethod : public ModulusMethod {
 
  private:
   // Of usual tissue one in eight windows has not settled after the usual steps; where there are solves for
-  // more it goes on for up to four, by which half of them have.
-  static constexpr int kUsualSteps = 12, kMaxSteps = 16, kForcePushes = 2;
+  // more it goes on, no longer hastened: where strain hardly follows the modulus a mix of steps swings (one
+  // window settled in 21, hastened in 40).
+  static constexpr int kUsualSteps = 12, kMaxSteps = 24, kForcePushes = 2;
   static constexpr int kPushesPerSolve = 2;  // of those that begin at the last one's solution
   static int solves_of(int pushes) { return 1 + pushes / kPushesPerSolve; }
   // Rms change of log E over the cells: what ends the steps, and what is settled where they run out.
@@ -191,7 +195,7 @@ class SolidModulusMethod : public ModulusMethod {
     Denoiser denoise(cells);
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;
-    double tilt = 0, tilt_deviation = 0;
+    double tilt = 0, tilt_deviation = 0, spread = 0;
     FixedPoint hastened;
     VectorXd observed = weight, moved = VectorXd::Zero(size), solved = theta;
     double solved_tilt = 0;
@@ -223,6 +227,7 @@ class SolidModulusMethod : public ModulusMethod {
       const RobustFit at =
           fit_robustly(theta + residual, observed, {{-fit.by_tilt, -tilt, kUsualTilt, false}},
                        cells.spacing_m * cells.row_m / kAlikeM2);
+      spread = at.rest;
       const double before = tilt;
       tilt = std::clamp(tilt + at.at[0], -kMaxTilt, kMaxTilt);
       tilt_deviation = std::sqrt(at.covariance(0, 0));
@@ -237,7 +242,8 @@ class SolidModulusMethod : public ModulusMethod {
       if (!(fit.face.beside_m > 0) || fit.face.slides) hold_columns(denoised, cells);
       moved = denoised - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
-      theta = hastened.next(theta, denoised).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
+      if (out.iterations < kUsualSteps) denoised = hastened.next(theta, denoised);
+      theta = denoised.cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
       ++out.iterations;
       out.converged = change < kConvergedStep;
       if (change < (out.iterations < kUsualSteps ? kLastStep : kConvergedStep)) break;
@@ -261,6 +267,11 @@ class SolidModulusMethod : public ModulusMethod {
                too_uneven          ? ": the next is too uneven to be solved"
                : steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
                                    : ", the most");
+    if (!out.converged && spread > kMaxSpread)
+      out.warn(ModulusFlag::kMisfit,
+               "half of the modulus lies beyond a factor of {:.1f} about its middle and does not settle: no "
+               "tissue explains the strain; the face may touch in part; press it flat",
+               std::exp(spread / kDeviationOfHalf));
     if (std::abs(tilt) > kMaxUneven)
       out.warn(ModulusFlag::kMisfit,
                "the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to touch "
