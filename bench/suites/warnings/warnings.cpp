@@ -56,8 +56,9 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JudgedCase, name, seed, refused, fired, misqu
 struct WarningFigures {
   std::vector<WarningResult> rows;
   std::vector<JudgedCase> cases;
+  std::size_t cases_of_each_row = 0;  // at least
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WarningFigures, rows, cases)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(WarningFigures, rows, cases, cases_of_each_row)
 
 // The part of an estimate that comes after tracking.
 class AfterTracking {
@@ -238,6 +239,8 @@ WarningFigures measure(const WarningOptions& options, Promises& promises) {
     }
     print_others(row, all);
   }
+  if (!figures.rows.empty())
+    figures.cases_of_each_row = std::ranges::min(figures.rows, {}, &WarningResult::cases).cases;
   std::size_t misquoted = 0, failed = 0;
   for (const JudgedCase& j : figures.cases) misquoted += !j.misquoted.empty(), failed += !j.failed.empty();
   promises.push_back({"estimates_that_failed", static_cast<double>(failed), 0});
