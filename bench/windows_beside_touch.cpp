@@ -3,11 +3,10 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <optional>
 #include <thread>
+#include <utility>
 
 #include "bench/basics/clock.h"
-#include "bench/peers/contact_case.h"
 #include "service/contact/contact.h"
 #include "service/tissue/tissue_model.h"
 
@@ -18,7 +17,8 @@ namespace {
 // own.
 class Finger {
  public:
-  Finger() : tissue_(make_tissue({})), model_(tissue_.grid, tissue_.material, tissue_.supports, {}) {
+  explicit Finger(reference::TouchedTissue tissue)
+      : tissue_(std::move(tissue)), model_(tissue_.grid, tissue_.material, tissue_.supports, {}) {
     compliance_ = model_.compliance(0);
     thread_ = std::thread([this] { slide(); });
   }
@@ -53,16 +53,14 @@ class Finger {
 
 }  // namespace
 
-WindowTimes windows_beside_touch(service::Elastography& elastography, service::ModulusKind kind,
-                                 const Phantom& p, int windows, bool touch) {
-  const service::ProbeForce force{p.sensed_force_n, p.contact_area_m2};
+WindowTimes windows_beside_touch(const std::function<service::Estimate()>& window, int windows,
+                                 const std::optional<reference::TouchedTissue>& touched) {
   std::vector<double> displacement, strain, modulus, total;
   std::optional<Finger> finger;
-  if (touch) finger.emplace();
+  if (touched) finger.emplace(*touched);
   for (int k = 0; k < windows; ++k) {
     const auto begin = Clock::now();
-    const service::Estimate e =
-        elastography.estimate(p.pre, p.post, {p.geometry, force, p.tissue, {}, {kind, {}}});
+    const service::Estimate e = window();
     total.push_back(seconds_since(begin));
     displacement.push_back(e.displacement_s), strain.push_back(e.strain_s), modulus.push_back(e.modulus_s);
   }

@@ -1,9 +1,12 @@
 // Windows of imaging, one at a time, while a finger is answered beside them.
 #pragma once
 
-#include "bench/phantoms/phantom.h"
+#include <functional>
+#include <optional>
+
 #include "bench/suite.h"
 #include "service/imaging/estimate.h"
+#include "tests/reference/contact.h"
 
 namespace teletact::bench {
 
@@ -11,7 +14,8 @@ struct WindowTimes {
   Quantiles displacement_s, strain_s, modulus_s, total_s;
   Quantiles touch_latency_s;  // of the finger; of none where there was none
 };
-WindowTimes windows_beside_touch(service::Elastography&, service::ModulusKind, const Phantom&, int windows,
-                                 bool touch = true);
+// `touched`: what the finger slides over; none: there is none.
+WindowTimes windows_beside_touch(const std::function<service::Estimate()>& window, int windows,
+                                 const std::optional<reference::TouchedTissue>& touched);
 
 }  // namespace teletact::bench

@@ -114,11 +114,11 @@ double nearest_slice_m(const ExplicitModulus& e, double z_m) {
 }
 
 // Of ln E as it is felt there, of what lies between the slices and shows in neither; beyond the last, and in
-// gaps that they do not reach across, as far as nothing is known.
+// wide gaps, as far as nothing is known.
 double unseen_variance(const ExplicitModulus& e, const FeltElements& felt, const Between& at,
                        double from_slice_m) {
   const double gap_m = e.slice_m(at.after) - e.slice_m(at.before);
-  if (!(at.share > 0) || e.hidden_log_variance.empty() || gap_m > 2 * choices::kSliceReach + kSameSliceM)
+  if (!(at.share > 0) || e.hidden_log_variance.empty() || gap_m > kWidestGapM)
     return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
   const std::size_t columns = e.x_m.size() - 1, rows = e.y_m.size() - 1;
   double amid = 0;

@@ -136,6 +136,7 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
       {"bench/peers", {"bench/basics"}},
       {"bench/independent", {}},
       {"bench/load", {}},
+      {"bench/slow_opencl", {"bench/basics"}},
       {"bench/stability", {}},
       {"bench/phantoms", {"bench/peers", "bench/basics"}},
       {"bench/fuzz", {"bench/stability"}},

@@ -69,12 +69,12 @@ ModulusSlice uniform(double z_m, double pa, double deviation) {
   return slice;
 }
 
-// In the middle of a gap between slices that are even: what nothing is known of stands for one of the places
-// in which nothing was seen, 5 mm apart in the slices, of which `apart` tell something of their own.
+// Amid a gap of at most 5 mm between slices that are even: what nothing is known of stands for one of the
+// places in which nothing was seen, 5 mm apart in the slices, of which `apart` tell something of their own.
 double hidden(double gap_m, double apart) {
-  const double places = apart * (kWidthM - 0.002 - gap_m) / choices::kSliceReach;
-  return std::pow(choices::kUnseenDeviation * std::min(1.0, gap_m / 2 / choices::kSliceReach), 2) /
-         (places + 1);
+  const double seen_m = std::max(gap_m, 0.004),  // no narrower than two elements
+      places = apart * (kWidthM - seen_m) / choices::kSliceReach;
+  return std::pow(choices::kUnseenDeviation * gap_m / 2 / choices::kSliceReach, 2) / (places + 1);
 }
 
 TEST(Slices, TheirDeviationGrowsBetweenThem) {
@@ -86,7 +86,7 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   EXPECT_NEAR(at(0.006), 0.2, 1e-12);
   // By hand: a quarter of the way 2 mm from the nearest; then amid slices that do not differ.
   const double differ = std::log(3.0), seen = 0.75 * 0.01 + 0.25 * 0.75 * differ * differ;
-  EXPECT_NEAR(at(-0.002), std::sqrt(seen + hidden(0.008, 2.4) / 4), 1e-12);
+  EXPECT_NEAR(at(-0.002), std::sqrt(seen + std::pow(choices::kUnseenDeviation * 0.4, 2)), 1e-12);
   EXPECT_NEAR(at(0.005), std::sqrt(0.5 * 0.04 + hidden(0.002, 2.4)), 1e-12);
   for (double z_m = -0.004; z_m < -0.0005; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
   for (double z_m = 0.006; z_m < 0.010; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
@@ -94,7 +94,7 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   const ExplicitModulus far = stacked(grid(), {uniform(-0.006, 1e4, 0.1), uniform(0.006, 1e4, 0.1)}, {});
   EXPECT_NEAR(felt_log_deviation(far, {kBallX, 0, 0, kFeltM}).value(),
               std::hypot(0.1, choices::kUnseenDeviation), 1e-12)
-      << "what even slices do not reach is as unknown as ever";
+      << "amid a wide gap even slices tell nothing";
   ExplicitModulus throughout = grid();
   throughout.youngs_modulus_pa.assign(24 * 10 * 18, 1e4);
   EXPECT_FALSE(felt_log_deviation(throughout, {kBallX, 0, 0, kFeltM}));
@@ -117,7 +117,8 @@ TEST(Slices, OneMoreIsWishedWhereItTellsEnough) {
   EXPECT_NEAR(beyond->z_m, 0.013, 1e-12);
   // By hand: 4.6 mm from the nearest slice, 0.54 of the way; and farther than any reaches.
   const double differ = 0.54 * 0.46 * std::pow(std::log(4.0), 2);
-  EXPECT_NEAR(between->half_width, 1.96 * std::sqrt(0.01 + differ + hidden(0.010, 2) * 0.92 * 0.92), 1e-9);
+  EXPECT_NEAR(between->half_width,
+              1.96 * std::sqrt(0.01 + differ + std::pow(choices::kUnseenDeviation * 0.92, 2)), 1e-9);
   EXPECT_NEAR(beyond->half_width, 1.96 * std::hypot(0.1, choices::kUnseenDeviation), 1e-9);
   for (const double end_m : {-0.018, 0.018}) {  // the solid's own ends
     ASSERT_TRUE(at(known, end_m, 0.1));

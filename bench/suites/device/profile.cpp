@@ -37,10 +37,12 @@ service::DeviceWork work_of(const DeviceStage& stage, const std::function<void()
 }
 
 // Of one run; compiled before.
-std::vector<KernelFigures> profile(const DeviceStage& stage, const DeviceLimits& limits) {
+std::vector<KernelFigures> profile(const DeviceStage& stage, const std::function<void()>& run,
+                                   const DeviceLimits& limits) {
+  if (!run) return {};
   std::map<std::string, service::KernelTime> before;
   for (const service::KernelTime& t : stage.queue.profile()) before[t.name] = t;
-  stage.run();
+  run();
   std::vector<KernelFigures> kernels;
   for (const service::KernelTime& t : stage.queue.profile()) {
     const double launches = double(t.launches) - double(before[t.name].launches),
@@ -51,8 +53,9 @@ std::vector<KernelFigures> profile(const DeviceStage& stage, const DeviceLimits&
       const double bytes = launches * found->second.bytes, flops = launches * found->second.flops;
       k.gb_s = 1e-9 * bytes / seconds, k.gflop_s = 1e-9 * flops / seconds;
       const double memory_s = bytes / limits.triad_bytes_s, arithmetic_s = flops / limits.flops_s;
-      k.bound = memory_s >= arithmetic_s ? "memory" : "arithmetic";
-      if (limits.triad_bytes_s > 0) k.of_limit = std::max(memory_s, arithmetic_s) / seconds;
+      if (limits.triad_bytes_s > 0)
+        k.bound = memory_s >= arithmetic_s ? "memory" : "arithmetic",
+        k.of_limit = std::max(memory_s, arithmetic_s) / seconds;
     }
     kernels.push_back(std::move(k));
   }
@@ -86,8 +89,12 @@ void DevicePart::add_stage(service::DeviceOptions how, const std::string& name, 
   DeviceStage stage = make(device);
   stage.stage = name;
   work_of(stage, stage.run);  // compiles
-  const std::vector<KernelFigures> kernels = profile(stage, limits);
-  const service::DeviceWork all = stage.queue.take_work(), less = work_of(stage, stage.less);
+  const std::vector<KernelFigures> kernels = profile(stage, stage.run, limits);
+  const service::DeviceWork all = stage.queue.take_work();
+  double moved = 0;
+  for (const KernelFigures& k : profile(stage, stage.less, limits))
+    if (k.gb_s > 0) moved -= 1e6 * k.gb_s * k.ms;
+  const service::DeviceWork less = stage.queue.take_work();
   const auto each = [&](std::uint64_t service::DeviceWork::*count) {
     return (double(all.*count) - double(less.*count)) / stage.times;
   };
@@ -102,7 +109,6 @@ void DevicePart::add_stage(service::DeviceOptions how, const std::string& name, 
                        1e-6 * each(&W::bytes_from),
                        double(all.longest_chain),
                        kNan};
-  double moved = 0;
   for (const KernelFigures& k : kernels) {
     if (k.gb_s > 0) moved += 1e6 * k.gb_s * k.ms;
     if (seconds > 0 && 1e-3 * k.ms >= kLongS) add("kernels", k);

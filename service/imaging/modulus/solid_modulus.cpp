@@ -267,7 +267,7 @@ class SolidModulusMethod : public ModulusMethod {
                too_uneven          ? ": the next is too uneven to be solved"
                : steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
                                    : ", the most");
-    if (!out.converged && spread > kMaxSpread)
+    if (!out.converged && out.iterations == kMaxSteps && spread > kMaxSpread)
       out.warn(ModulusFlag::kMisfit,
                "half of the modulus lies beyond a factor of {:.1f} about its middle and does not settle: no "
                "tissue explains the strain; the face may touch in part; press it flat",
