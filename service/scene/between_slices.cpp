@@ -6,20 +6,12 @@
 #include <map>
 
 #include "service/base/choices.h"
+#include "service/base/squared.h"
 
 namespace teletact::service {
 namespace {
 
 using Rows = std::vector<double>;
-
-double squared(double value) {
-  return value * value;
-}
-
-// What nothing is known of, so far from what is.
-double unknown(double half_m) {
-  return squared(choices::kUnseenDeviation * std::min(1.0, half_m / choices::kSliceReach));
-}
 
 // Of ln E at `share` of the way between two others, squared: how far it lies outside them.
 double hidden(double before, double at, double after, double share) {
@@ -45,7 +37,7 @@ class Changes {
   Rows within(double half_m) {
     constexpr double kAlikeM = 5e-4, kRounding = 1e-6;
     const double seen_m = std::max(half_m, widest_m_);
-    if (seen_m > choices::kSliceReach + kRounding) return Rows(rows_, unknown(half_m));
+    if (seen_m > choices::kSliceReach + kRounding) return Rows(rows_, unknown_log_variance(half_m));
     const long key = std::lround(std::ceil(seen_m / kAlikeM - kRounding));
     const auto [at, is_new] = within_.try_emplace(key);
     if (is_new) at->second = rows_of_gap(kAlikeM * static_cast<double>(key));
@@ -105,7 +97,7 @@ class Changes {
                          (right_m - x_m_[right]) / (x_m_[right + 1] - x_m_[right])});
       length_m += width_m(n);
     }
-    Rows out(rows_, unknown(half_m));
+    Rows out(rows_, unknown_log_variance(half_m));
     if (triples.empty()) return out;
     const double places = slices_apart_ * length_m / std::max(choices::kSliceReach, half_m);
     for (std::size_t j = 0; j < rows_; ++j) {
@@ -133,16 +125,18 @@ class Changes {
 
 }  // namespace
 
+double unknown_log_variance(double from_slice_m) {
+  return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
+}
+
 std::vector<double> hidden_log_variance(const ExplicitModulus& e) {
   std::vector<double> out;
   if (e.slices_m.size() < 2) return out;
   Changes changes(e);
   const Rows faster = changes.faster_across();
   for (std::size_t gap = 0; gap + 1 < e.slices(); ++gap) {
-    const double gap_m = changes.gap_m(gap);
-    const bool wide = gap_m > kWidestGapM;
-    const Rows within = wide ? Rows(faster.size(), unknown(gap_m / 2)) : changes.within(gap_m / 2);
-    for (std::size_t j = 0; j < within.size(); ++j) out.push_back(wide ? within[j] : faster[j] * within[j]);
+    const Rows within = changes.within(changes.gap_m(gap) / 2);
+    for (std::size_t j = 0; j < within.size(); ++j) out.push_back(faster[j] * within[j]);
   }
   return out;
 }

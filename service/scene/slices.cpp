@@ -10,16 +10,13 @@
 
 #include "service/base/choices.h"
 #include "service/base/force_budget.h"
+#include "service/base/squared.h"
 #include "service/scene/between_slices.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
 
 namespace {
-
-double squared(double value) {
-  return value * value;
-}
 
 void check_nodes(const std::string& field, const std::vector<double>& given_m,
                  const std::vector<double>& own_m) {
@@ -119,7 +116,7 @@ double unseen_variance(const ExplicitModulus& e, const FeltElements& felt, const
                        double from_slice_m) {
   const double gap_m = e.slice_m(at.after) - e.slice_m(at.before);
   if (!(at.share > 0) || e.hidden_log_variance.empty() || gap_m > kWidestGapM)
-    return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
+    return unknown_log_variance(from_slice_m);
   const std::size_t columns = e.x_m.size() - 1, rows = e.y_m.size() - 1;
   double amid = 0;
   felt.each([&](std::size_t n, double share) {

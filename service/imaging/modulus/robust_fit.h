@@ -5,11 +5,9 @@
 #include <cmath>
 #include <vector>
 
-namespace teletact::service {
+#include "service/base/squared.h"
 
-inline double squared(double v) {
-  return v * v;
-}
+namespace teletact::service {
 
 struct FitColumn {
   Eigen::VectorXd by;    // of the field, per unit

@@ -15,6 +15,7 @@
 #include <tuple>
 #include <vector>
 
+#include "service/device/cancellation.h"
 #include "service/imaging/modulus/cell_strains.h"
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/probe_fit.h"
@@ -82,18 +83,31 @@ TEST(ProbedSolid, TissueThatEndsFarAwayIsTissueThatGoesOn) {
   EXPECT_LT(of_near.force_n, of_on.force_n);
 }
 
-// Whether the last one was on the same mesh or not, and whatever was solved in it.
+// Whether the last one was on the same mesh or not, and whatever was solved in it, or cancelled there.
 TEST(ProbedSolid, TheLastOnesSolverChangesNothing) {
   ProbeFace longer = face(0.005), tougher = face(0.005);
   longer.elevation_m *= 1.1, tougher.poisson_ratio = 0.45;
-  for (const ProbeFace& f : {face(0.005), face(0.005, true), longer, tougher}) {
-    const auto last = solid(face());
-    last->push_homogeneous(0.1);
-    const auto of_own = solid(f)->push_homogeneous(),
-               after = make_probed_solid(imaging_device()->queue(), f, kFineCellM, last)->push_homogeneous();
-    EXPECT_EQ(after.axial_strain, of_own.axial_strain);
-    EXPECT_EQ(after.force_n, of_own.force_n);
-  }
+  constexpr int kMostLooks = 5;
+  int cancelled_pushes = 0;
+  for (const ProbeFace& f : {face(0.005), face(0.005, true), longer, tougher})
+    for (const int most_looks : {0, kMostLooks}) {
+      const auto last = solid(face());
+      last->push_homogeneous(0.1);
+      for (int looks = 1; looks < most_looks; ++looks) try {
+          const CancellationCheck cancelled([left = looks]() mutable {
+            if (--left == 0) throw std::runtime_error("cancelled");
+          });
+          last->push_homogeneous(0.2);
+        } catch (const std::runtime_error&) {
+          ++cancelled_pushes;
+        }
+      const auto of_own = solid(f)->push_homogeneous(),
+                 after =
+                     make_probed_solid(imaging_device()->queue(), f, kFineCellM, last)->push_homogeneous();
+      EXPECT_EQ(after.axial_strain, of_own.axial_strain);
+      EXPECT_EQ(after.force_n, of_own.force_n);
+    }
+  EXPECT_GT(cancelled_pushes, 0);
 }
 
 // Bonded tissue does not widen at its bottom; tissue that slides does, bears less, and is not lifted off.
