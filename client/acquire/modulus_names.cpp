@@ -24,6 +24,14 @@ const std::map<std::string, v1::PlaneCondition>& plane_conditions() {
   return names;
 }
 
+const std::map<std::string, v1::SurfaceKind>& surface_kinds() {
+  static const std::map<std::string, v1::SurfaceKind> names{{"unknown", v1::SURFACE_KIND_UNSPECIFIED},
+                                                            {"bare", v1::SURFACE_KIND_BARE},
+                                                            {"capsule", v1::SURFACE_KIND_CAPSULE},
+                                                            {"uneven", v1::SURFACE_KIND_UNEVEN}};
+  return names;
+}
+
 std::string name_of(v1::ModulusMethod method) {
   for (const auto& [name, value] : modulus_methods())
     if (value == method) return name;

@@ -10,6 +10,7 @@ namespace teletact::client {
 
 const std::map<std::string, teletact::v1::ModulusMethod>& modulus_methods();
 const std::map<std::string, teletact::v1::PlaneCondition>& plane_conditions();
+const std::map<std::string, teletact::v1::SurfaceKind>& surface_kinds();
 // "unknown" for a method that this client does not know.
 std::string name_of(teletact::v1::ModulusMethod);
 // "9.51 kPa (95 %: 8.00 to 11.30)"; without the interval where the median deviation of ln E is not known.

@@ -314,6 +314,7 @@ void add_estimate_options(CLI::App& command, AcquireOptions& acquire, CLI::Optio
   command.get_option("--plane")->excludes(slices);
   add_uncertainty_options(command, acquire.stated);
   command.get_option("--probe-elevation-std-m")->needs(slices);
+  command.get_option("--surface")->needs(slices);
   command.get_option("--tissue-width-std-m")->excludes(slices);
 }
 

@@ -13,15 +13,17 @@
 namespace teletact::client {
 namespace {
 
-template <class Value>
-CLI::Option* add_named(CLI::App& command, const std::string& flag, Value& value,
+constexpr const char* kSurface = "Surface of solid tissue";
+
+template <class Set, class Value>
+CLI::Option* add_named(CLI::App& command, const std::string& flag, const Set& set,
                        const std::map<std::string, Value>& names, const std::string& help) {
   std::vector<std::string> allowed;
   allowed.reserve(names.size());
   for (const auto& named : names) allowed.push_back(named.first);
   return command
       .add_option_function<std::string>(
-          flag, [&value, &names](const std::string& name) { value = names.at(name); }, help)
+          flag, [set, &names](const std::string& name) { set(names.at(name)); }, help)
       ->transform(CLI::IsMember(allowed, CLI::ignore_case));
 }
 
@@ -46,7 +48,11 @@ const std::vector<Uncertain>& uncertain() {
       {"poisson_ratio_std", false, "of the Poisson ratio, at most 0.1 (default: 0.01)"},
       {"sound_speed_std_m_s", false, "of the speed of sound (default: 1.5 % of it)"},
       {"preload_m", false, "by how much the probe was pressed in before the pre frame (default: 0)"},
-      {"preload_std_m", false, "of --preload-m (default: 0)"}};
+      {"preload_std_m", false, "of --preload-m (default: 0)"},
+      {"capsule_thickness_m", false, "of --surface capsule, at most 3 mm"},
+      {"capsule_ratio", false, "its modulus over that of the tissue below"},
+      {"capsule_thickness_std_m", false, "of --capsule-thickness-m (default: 25 % of it)"},
+      {"capsule_ratio_std", false, "of --capsule-ratio (default: 30 % of it)"}};
   return all;
 }
 
@@ -65,23 +71,33 @@ void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
     };
     CLI::Option* option = command.add_option_function<double>(flag, set, u.help);
     if (u.field != "force_zero_n") option->check(above_zero());
-    if (u.field.find("_std") == std::string::npos) option->group("Force sensor and preload");
+    if (u.field.starts_with("capsule_"))
+      option->group(kSurface);
+    else if (u.field.find("_std") == std::string::npos)
+      option->group("Force sensor and preload");
     if (u.of_force && relative) option->needs("--force-n");
   }
+  add_named(
+      command, "--surface", [&stated](v1::SurfaceKind kind) { stated.set_surface(kind); }, surface_kinds(),
+      "its topmost 3 mm: unknown, but alike along the face; bare: as what is below; a capsule; uneven: "
+      "changing "
+      "within 5 mm (default: unknown)")
+      ->group(kSurface);
 }
 
 void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::string& usual) {
   add_named(
-      command, "--plane", plane, plane_conditions(),
+      command, "--plane", [&plane](v1::PlaneCondition named) { plane = named; }, plane_conditions(),
       "solid: tissue that continues around a narrow probe, ends beside it, or is as wide as the probe, as "
       "the strain shows; strain: the tissue's neighbours hold it; stress: a thin slice (default: " +
           usual + ")");
 }
 
 void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& time_limit_s) {
-  add_named(command, "--modulus-method", method, modulus_methods(),
-            "reference-stress, direct or iterative (default: the service chooses by what the force needs and "
-            "the time leaves); a solid has its own");
+  add_named(
+      command, "--modulus-method", [&method](v1::ModulusMethod named) { method = named; }, modulus_methods(),
+      "reference-stress, direct or iterative (default: the service chooses by what the force needs and "
+      "the time leaves); a solid has its own");
   command
       .add_option(
           "--modulus-time-limit-s", time_limit_s,

@@ -132,6 +132,8 @@ inline constexpr double kUnseenDeviation = 0.55;
 // for; the Poisson ratio.
 inline constexpr double kForceDeviation = 0.03, kAreaDeviation = 0.05, kSoundSpeedDeviation = 0.015;
 inline constexpr double kPoissonDeviation = 0.01;
+// The same of a capsule's thickness and of its ratio.
+inline constexpr double kCapsuleThicknessDeviation = 0.25, kCapsuleRatioDeviation = 0.3;
 inline constexpr double kMaxStrain = 0.05, kPoissonRatio = 0.49;
 // A window is refused when less than this share of its cells was measured.
 inline constexpr double kMinMeasuredShare = 0.2;

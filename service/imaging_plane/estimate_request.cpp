@@ -8,6 +8,7 @@
 #include <string>
 
 #include "service/base/choices.h"
+#include "service/imaging/modulus/skin.h"
 #include "service/scene/errors.h"
 
 namespace teletact::service {
@@ -187,6 +188,31 @@ void check_agrees(const char* field, double stated, double scenes, const Scene& 
                   field, stated, scene.id(), scenes));
 }
 
+void settle_surface(Surface& surface, bool solid) {
+  constexpr double kMinThicknessM = 1e-5, kMaxThicknessM = kSkinLayers * kFineCellM, kMaxRatio = 20;
+  if (!solid && surface.kind != Surface::Kind::kUnknown)
+    throw std::invalid_argument(
+        "acquisition.surface: of solid tissue alone; give plane = SOLID without another modulus_method, or "
+        "leave it out");
+  if (surface.kind != Surface::Kind::kCapsule) {
+    if (surface.thickness_m != 0 || surface.ratio != 0 || surface.thickness_std_m != 0 ||
+        surface.ratio_std != 0)
+      throw std::invalid_argument(
+          "acquisition.capsule_thickness_m, capsule_ratio: stated, but surface is not CAPSULE; give it, or "
+          "leave them out");
+    return;
+  }
+  require_between("acquisition.capsule_thickness_m", surface.thickness_m, kMinThicknessM, kMaxThicknessM,
+                  "the strain shows what lies deeper; leave surface out where you do not know it");
+  require_between("acquisition.capsule_ratio", surface.ratio, 1 / kMaxRatio, kMaxRatio,
+                  "give the capsule's modulus over that of the tissue below");
+  check_deviation("capsule_thickness_std_m", surface.thickness_std_m, surface.thickness_m, "25 % of it");
+  check_deviation("capsule_ratio_std", surface.ratio_std, surface.ratio, "30 % of it");
+  if (surface.thickness_std_m == 0)
+    surface.thickness_std_m = choices::kCapsuleThicknessDeviation * surface.thickness_m;
+  if (surface.ratio_std == 0) surface.ratio_std = choices::kCapsuleRatioDeviation * surface.ratio;
+}
+
 // Of a plane tissue that is not stated is taken for as wide as the frame, and as deep.
 void settle_deviations(EstimateRequest& r, bool with_scene) {
   constexpr double kMaxPoissonDeviation = 0.1;  // a usual tissue's whole range
@@ -244,6 +270,7 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
     if (stated.width_m != 0) tissue.beside_m = tissue.window_x_m;
   }
   settle_deviations(r, scene);
+  settle_surface(tissue.surface, tissue.plane == Plane::kSolid);
 }
 
 }  // namespace

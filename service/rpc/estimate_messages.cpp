@@ -40,6 +40,8 @@ constexpr std::array kMethods{v1::MODULUS_METHOD_REFERENCE_STRESS, v1::MODULUS_M
                               v1::MODULUS_METHOD_ITERATIVE, v1::MODULUS_METHOD_SOLID};  // by ModulusKind
 constexpr std::array kPlanes{v1::PLANE_CONDITION_STRAIN, v1::PLANE_CONDITION_STRESS,
                              v1::PLANE_CONDITION_SOLID};  // by Plane
+constexpr std::array kSurfaces{v1::SURFACE_KIND_UNSPECIFIED, v1::SURFACE_KIND_BARE, v1::SURFACE_KIND_CAPSULE,
+                               v1::SURFACE_KIND_UNEVEN};  // by Surface::Kind
 constexpr std::array kStages{v1::ESTIMATE_STAGE_DISPLACEMENT, v1::ESTIMATE_STAGE_STRAIN,
                              v1::ESTIMATE_STAGE_MODULUS};  // by Stage
 
@@ -108,6 +110,10 @@ EstimateRequest stated_in(const v1::Acquisition& in, const Scenes& scenes) {
                     in.probe_elevation_m()};
   request.tissue.probe_elevation_std_m = in.probe_elevation_std_m();
   request.tissue.depth_std_m = in.tissue_depth_std_m();
+  request.tissue.surface = {
+      value_from<Surface::Kind>(kSurfaces, in.surface(),
+                                "acquisition.surface: unknown; leave it out or use BARE, CAPSULE or UNEVEN"),
+      in.capsule_thickness_m(), in.capsule_ratio(), in.capsule_thickness_std_m(), in.capsule_ratio_std()};
   request.tissue.poisson_std = in.poisson_ratio_std();
   request.tissue_width_std_m = in.tissue_width_std_m();
   request.sound_speed_std_m_s = in.sound_speed_std_m_s();

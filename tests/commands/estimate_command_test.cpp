@@ -109,7 +109,17 @@ TEST_F(EstimateCommand, UncertaintiesAreSentAndKept) {
                            "--preload-m",
                            "0.0013",
                            "--preload-std-m",
-                           "0.0014"})
+                           "0.0014",
+                           "--surface",
+                           "capsule",
+                           "--capsule-thickness-m",
+                           "0.001",
+                           "--capsule-ratio",
+                           "3",
+                           "--capsule-thickness-std-m",
+                           "0.0002",
+                           "--capsule-ratio-std",
+                           "0.5"})
     command.emplace_back(word);
   ASSERT_EQ(test::failure_of(command), "");
   const v1::Acquisition& a = service.estimates.acquisition;
@@ -127,9 +137,14 @@ TEST_F(EstimateCommand, UncertaintiesAreSentAndKept) {
                                  a.poisson_ratio_std(),
                                  a.sound_speed_std_m_s(),
                                  a.preload_m(),
-                                 a.preload_std_m()};
+                                 a.preload_std_m(),
+                                 a.capsule_thickness_m(),
+                                 a.capsule_ratio(),
+                                 a.capsule_thickness_std_m(),
+                                 a.capsule_ratio_std()};
+  EXPECT_EQ(a.surface(), v1::SURFACE_KIND_CAPSULE);
   EXPECT_EQ(sent, (std::vector<double>{0.2, 0.01, -0.02, 0.03, 1.04, 0.05, 6e-6, 0.007, 0.008, 0.009, 0.011,
-                                       12, 0.0013, 0.0014}));
+                                       12, 0.0013, 0.0014, 0.001, 3, 0.0002, 0.5}));
   const auto json = nlohmann::json::parse(std::ifstream(service.folder / "out" / "estimate.json"));
   EXPECT_EQ(json.at("acquisition").at("probe_force").at("force_zero_std_n"), 0.03);
   EXPECT_EQ(json.at("acquisition").at("preload_std_m"), 0.0014);

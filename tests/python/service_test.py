@@ -139,11 +139,14 @@ def test_uncertainties_are_sent(service, monkeypatch):
                 "force_zero_n": -0.03, "force_zero_std_n": 0.004, "force_gain": 1.05, "force_gain_std": 0.06}
     stated = {"tissue_width_m": 0.1, "tissue_depth_m": 0.05, "probe_elevation_m": 0.01, "poisson_ratio_std": 0.02,
               "sound_speed_std_m_s": 30.0, "tissue_depth_std_m": 0.004, "tissue_width_std_m": 0.005,
-              "probe_elevation_std_m": 0.003, "preload_m": 0.001, "preload_std_m": 0.002}
+              "probe_elevation_std_m": 0.003, "preload_m": 0.001, "preload_std_m": 0.002,
+              "capsule_thickness_m": 0.001, "capsule_ratio": 3.0, "capsule_thickness_std_m": 0.0002,
+              "capsule_ratio_std": 0.5}
     sent = []
     monkeypatch.setattr(estimates, "requests_of", lambda acquisition, *_: sent.append(acquisition) or iter(()))
     with pytest.raises(teletact.TeletactError):  # nothing but the message is made
-        service.estimate(rf(), rf(), **ACQUISITION, **of_force, **stated)
+        service.estimate(rf(), rf(), **ACQUISITION, **of_force, **stated, surface="capsule")
+    assert sent[0].surface == estimates.elastography.SURFACE_KIND_CAPSULE
     assert {name: getattr(sent[0], name) for name in stated} == stated
     assert {name: getattr(sent[0].probe_force, name) for name in of_force} == of_force
 

@@ -39,6 +39,8 @@ TEST(StatedDeviations, ReachTheEstimatesInput) {
   a.set_poisson_ratio_std(0.02), a.set_sound_speed_std_m_s(30), a.set_tissue_depth_std_m(0.004);
   a.set_tissue_width_std_m(0.01), a.set_probe_elevation_std_m(0.003);
   a.set_preload_m(0.003), a.set_preload_std_m(0.004);
+  a.set_surface(v1::SURFACE_KIND_CAPSULE), a.set_capsule_thickness_m(0.002), a.set_capsule_ratio(3);
+  a.set_capsule_ratio_std(0.5);
   const EstimateRequest r = settled(a);
   EXPECT_NEAR(r.force->force_n, (kForceN - 0.04) / 0.8, 1e-12);
   EXPECT_NEAR(r.force->own_deviation, std::hypot(0.01, 0.02) / 0.16, 1e-12);
@@ -52,6 +54,10 @@ TEST(StatedDeviations, ReachTheEstimatesInput) {
   ASSERT_TRUE(r.tissue.beside_m);
   EXPECT_NEAR(*r.tissue.beside_m, (0.1 - kWidthM) / 2, 1e-12);
   EXPECT_NEAR(r.tissue.beside_std_m, 0.005, 1e-12);
+  EXPECT_EQ(r.tissue.surface.kind, Surface::Kind::kCapsule);
+  EXPECT_EQ(r.tissue.surface.ratio, 3);
+  EXPECT_EQ(r.tissue.surface.ratio_std, 0.5);
+  EXPECT_NEAR(r.tissue.surface.thickness_std_m, 0.0005, 1e-12) << "a quarter of it, where it is left out";
 }
 
 TEST(StatedDeviations, LeftOutAreTheDefaultsOfTheContract) {
@@ -110,6 +116,25 @@ TEST(StatedDeviations, BeyondTheirValueOrWithoutItAreRefusedByName) {
       "preload_std_m", [](auto& a, double v) { a.set_preload_std_m(v); }, 0.05);
   refused(
       "preload_m", [](auto& a, double v) { a.set_preload_m(v); }, 0.05);
+  const auto of_capsule = [&](const char* field, Set set, double beyond) {
+    for (const double bad : {0.0, -1e-6, beyond, nan, HUGE_VAL}) {
+      const std::string said = refusal([&](auto& a) {
+        a.set_surface(v1::SURFACE_KIND_CAPSULE), a.set_capsule_thickness_m(0.001), a.set_capsule_ratio(3);
+        set(a, bad);
+      });
+      EXPECT_EQ(said.find(std::string("acquisition.") + field + ": "), 0U) << bad << ": " << said;
+    }
+  };
+  of_capsule(
+      "capsule_thickness_m", [](auto& a, double v) { a.set_capsule_thickness_m(v); }, 0.0031);
+  of_capsule(
+      "capsule_ratio", [](auto& a, double v) { a.set_capsule_ratio(v); }, 21);
+  EXPECT_NE(refusal([](auto& a) { a.set_capsule_ratio(3); }).find("surface is not CAPSULE"),
+            std::string::npos);
+  EXPECT_NE(refusal([](auto& a) {
+              a.set_surface(static_cast<v1::SurfaceKind>(9));
+            }).find("acquisition.surface: unknown"),
+            std::string::npos);
   for (const double bad : {kForceN, 2 * kForceN, nan})
     EXPECT_NE(refusal([&](auto& a) { a.mutable_probe_force()->set_force_zero_n(bad); }).find("force_zero_n"),
               std::string::npos);
@@ -123,6 +148,11 @@ TEST(StatedDeviations, BeyondTheirValueOrWithoutItAreRefusedByName) {
               a.set_plane(v1::PLANE_CONDITION_STRAIN), a.clear_probe_elevation_m();
               a.set_probe_elevation_std_m(0.001);
             }).find("of solid tissue alone"),
+            std::string::npos);
+  EXPECT_NE(refusal([](auto& a) {
+              a.set_plane(v1::PLANE_CONDITION_STRAIN), a.clear_probe_elevation_m();
+              a.set_surface(v1::SURFACE_KIND_BARE);
+            }).find("acquisition.surface: of solid tissue alone"),
             std::string::npos);
 }
 

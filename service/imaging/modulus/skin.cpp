@@ -1,5 +1,6 @@
 #include "service/imaging/modulus/skin.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "service/device/cancellation.h"
@@ -10,6 +11,37 @@ namespace teletact::service {
 
 using Eigen::Index;
 using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kBareLog = 0.07;  // of all alike, and of each layer
+
+// ln E of a layer, part of which is a capsule, over that of what is below: mean of the two bounds, and half
+// of their distance.
+std::array<double, 2> capsule_log(const Surface& capsule, std::size_t layer) {
+  const double part = std::clamp(capsule.thickness_m / kFineCellM - static_cast<double>(layer), 0.0, 1.0);
+  const double voigt = std::log(1 - part + part * capsule.ratio),
+               reuss = -std::log(1 - part + part / capsule.ratio);
+  return {(voigt + reuss) / 2, (voigt - reuss) / 2};
+}
+
+}  // namespace
+
+SkinPrior skin_known(const Surface& surface) {
+  SkinPrior out;
+  if (surface.kind == Surface::Kind::kUnknown || surface.kind == Surface::Kind::kUneven) return out;
+  out.deviation.fill(kBareLog);
+  if (surface.kind == Surface::Kind::kBare) return out;
+  Surface thicker = surface, stiffer = surface;
+  thicker.thickness_m += surface.thickness_std_m, stiffer.ratio += surface.ratio_std;
+  for (std::size_t k = 1; k < kSkinChanges; ++k) {
+    const auto [mean, apart] = capsule_log(surface, k - 1);
+    out.mean[k] = mean;
+    out.deviation[k] = std::hypot(kBareLog, std::hypot(apart, capsule_log(thicker, k - 1)[0] - mean,
+                                                       capsule_log(stiffer, k - 1)[0] - mean));
+  }
+  return out;
+}
 
 VectorXd skin_cells(const CellGrid& cells, std::size_t change) {
   VectorXd out = VectorXd::Zero(static_cast<Index>(cells.size()));

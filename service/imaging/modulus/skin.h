@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/modulus/tissue_extent.h"
 #include "service/imaging/tracking/measured.h"
 
 namespace teletact::service {
@@ -21,6 +22,9 @@ struct SkinPrior {
   // Skin of which nothing is said: each layer within a factor of two, half of which (as variance) is alike.
   std::array<double, kSkinChanges> mean{}, deviation{0.49, 0.49, 0.49, 0.49};
 };
+// Of what is stated. A capsule that fills a layer in part counts as the mean (Hill 1952, doi
+// 10.1088/0370-1298/65/5/307) of the bounds by Voigt and Reuss, with half of their distance as a deviation.
+SkinPrior skin_known(const Surface&);
 
 // What a change changes under a face on homogeneous tissue: ln(strain) as measured, and ln(force).
 struct SkinAnswer {

@@ -294,6 +294,7 @@ class SolidModulusMethod : public ModulusMethod {
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
     double all_own = 0, all_common = 0;
     const auto columns = static_cast<Index>(cells.columns), skin = columns * static_cast<Index>(kSkinLayers);
+    const double of_skin = in.tissue.surface.kind == Surface::Kind::kUneven ? kUnobservedLog : kSkinVariesLog;
     const auto typical = [&](const VectorXd& of) {
       return of.tail(size - skin).norm() / std::sqrt(static_cast<double>(size - skin));
     };
@@ -305,7 +306,7 @@ class SolidModulusMethod : public ModulusMethod {
     found.modes.push_back(VectorXd::Constant(size, fit.common_log));
     found.modes.push_back(of_tilt * fit.by_tilt);
     for (Index c = 0; c < size; ++c) {
-      double own = c < skin ? squared(kSkinVariesLog)
+      double own = c < skin ? squared(of_skin)
                             : std::pow(found.own_deviation[c], 2) + std::pow(one_slice * theta[c], 2),
              between = squared(fit.between[c]), common = 0;
       for (const VectorXd& mode : fit.between_modes) between -= squared(mode[c]);

@@ -23,6 +23,14 @@ struct ProbeForce {
 // it free of stress there (a thin slice), or what a narrow probe on wide tissue makes it do.
 enum class Plane { kStrain, kStress, kSolid };
 
+// What is known of ln E in the topmost millimetres, in which no strain is measured, over that below.
+struct Surface {
+  enum class Kind { kUnknown, kBare, kCapsule, kUneven };
+  Kind kind = Kind::kUnknown;
+  double thickness_m = 0, ratio = 0;  // of a capsule, and of its modulus to that below; their deviations
+  double thickness_std_m = 0, ratio_std = 0;
+};
+
 // Where the window [window_x_m, window_x_m + lines * pitch) lies in its tissue: [0, width_m] x [0, depth_m],
 // y = 0 at the probe face, bonded below, free sides (T4).
 struct TissueExtent {
@@ -42,6 +50,7 @@ struct TissueExtent {
   std::optional<double> beside_m = {};
   double beside_std_m = 0;
   double poisson_std = 0;
+  Surface surface = {};
 };
 
 // Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and

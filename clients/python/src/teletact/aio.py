@@ -205,6 +205,9 @@ class Service:
                        sound_speed_std_m_s: float | None = None, tissue_depth_std_m: float | None = None,
                        tissue_width_std_m: float | None = None, probe_elevation_std_m: float | None = None,
                        preload_m: float | None = None, preload_std_m: float | None = None,
+                       surface: str | None = None, capsule_thickness_m: float | None = None,
+                       capsule_ratio: float | None = None, capsule_thickness_std_m: float | None = None,
+                       capsule_ratio_std: float | None = None,
                        publish: str | None = None, window_x_m: float | None = None,
                        maps: Collection[str] | None = None,
                        timeout_s: float = 120.0) -> xr.Dataset:
@@ -214,8 +217,8 @@ class Service:
         float32. ``frame``: "probe" where the probe's face rests, "lab" where the far side does. With ``force_n``, the
         change of the probe's force, and ``contact_area_m2`` the modulus is in Pa, else relative; each ``_std`` is the
         standard deviation of what it is named after. ``plane``: "solid", "strain" or "stress"; left out, "strain" of
-        what is published and "solid" of what is not. ``publish`` and ``window_x_m``: into which scene, and where the
-        window's left border lies there. ``maps``: names (all).
+        what is published and "solid" of what is not. ``surface``: of a solid, "unknown", "bare", "capsule" or
+        "uneven". ``publish`` and ``window_x_m``: into which scene, and where the window's left border lies there. ``maps``: names (all).
 
         Returns maps over y, x of the window: NaN where not ``valid`` (but for ``correlation``, and
         ``b_mode`` over a ``y_b_mode`` and ``x_b_mode`` of its own), and in ``attrs`` the
@@ -230,13 +233,15 @@ class Service:
                    "finish_within_s": finish_within_s, "poisson_ratio_std": poisson_ratio_std,
                    "sound_speed_std_m_s": sound_speed_std_m_s, "tissue_depth_std_m": tissue_depth_std_m,
                    "tissue_width_std_m": tissue_width_std_m, "probe_elevation_std_m": probe_elevation_std_m,
-                   "preload_m": preload_m, "preload_std_m": preload_std_m}
+                   "preload_m": preload_m, "preload_std_m": preload_std_m,
+                   "capsule_thickness_m": capsule_thickness_m, "capsule_ratio": capsule_ratio,
+                   "capsule_thickness_std_m": capsule_thickness_std_m, "capsule_ratio_std": capsule_ratio_std}
         sensor = {"force_std_n": force_std_n, "contact_area_std_m2": contact_area_std_m2,
                   "force_zero_n": force_zero_n, "force_zero_std_n": force_zero_std_n, "force_gain": force_gain,
                   "force_gain_std": force_gain_std}
         acquisition = estimates.acquisition_of(
             before, after, frame=frame, plane=plane, method=method, force_n=force_n, contact_area_m2=contact_area_m2,
-            sensor=sensor, publish=publish, window_x_m=window_x_m, maps=maps, numbers=numbers)
+            sensor=sensor, surface=surface, publish=publish, window_x_m=window_x_m, maps=maps, numbers=numbers)
         return await self._repeated(lambda: self._estimate(acquisition, before, after, publish or "", timeout_s))
 
     async def _estimate(self, acquisition: Any, before: Any, after: Any, scene_id: str, timeout_s: float) -> xr.Dataset:

@@ -19,6 +19,8 @@ _PLANES = {"strain": elastography.PLANE_CONDITION_STRAIN, "stress": elastography
 _METHODS = {"reference-stress": elastography.MODULUS_METHOD_REFERENCE_STRESS,
             "direct": elastography.MODULUS_METHOD_DIRECT, "iterative": elastography.MODULUS_METHOD_ITERATIVE,
             "solid": elastography.MODULUS_METHOD_SOLID}
+_SURFACES = {"unknown": elastography.SURFACE_KIND_UNSPECIFIED, "bare": elastography.SURFACE_KIND_BARE,
+             "capsule": elastography.SURFACE_KIND_CAPSULE, "uneven": elastography.SURFACE_KIND_UNEVEN}
 _SIZES = ("sample_count", "line_count")  # ends of the fields that refuse them
 _METHOD_NAMES = {number: name for name, number in _METHODS.items()}
 
@@ -55,7 +57,7 @@ def _set(message: Any, numbers: dict[str, float | None]) -> None:
 
 def acquisition_of(pre: Any, post: Any, *, frame: str, plane: str | None, method: str | None,
                    force_n: float | None, contact_area_m2: float | None, sensor: dict[str, float | None],
-                   publish: str | None, window_x_m: float | None, maps: Collection[str] | None,
+                   surface: str | None, publish: str | None, window_x_m: float | None, maps: Collection[str] | None,
                    numbers: dict[str, float | None]) -> elastography.Acquisition:
     """``pre``, ``post``: as rf_frame gives them. ``numbers`` and, of the force, ``sensor``: fields of the messages
     that are sent where given."""
@@ -68,6 +70,8 @@ def acquisition_of(pre: Any, post: Any, *, frame: str, plane: str | None, method
     out.plane = _named("plane", plane or ("strain" if publish else "solid"), _PLANES)
     if method is not None:
         out.modulus_method = _named("method", method, _METHODS)
+    if surface is not None:
+        out.surface = _named("surface", surface, _SURFACES)
     _set(out, numbers)
     if (force_n is None) != (contact_area_m2 is None):
         raise InvalidArgument("only one is given", field="force_n, contact_area_m2", remedy="give both or none")
