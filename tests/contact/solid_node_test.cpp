@@ -91,12 +91,7 @@ Eigen::VectorXd weights(const SolidGrid& grid, double sigma_m, double x_m, doubl
 // f.(B^T S B) f / 2 - f_y d at its least, all by the sparse factor.
 TEST(SolidNode, IsTheSparseFactors) {
   if (!has_double()) GTEST_SKIP() << "the device has no double";
-  const SolidTissue tissue =
-      solid({32, 16, 0.002, 0.0025, graded_rows(0.020, 6, 1.2)}, 0.49, [](double x, double y, double z) {
-        return std::hypot(x - 0.03, y - 0.008, z - 0.02) < 0.006
-                   ? 8e4
-                   : 1e4 * (1 + 0.3 * std::sin(400 * x + 300 * z));
-      });
+  const SolidTissue tissue = lump_in_waves();
   const SolidGrid& grid = tissue.grid;
   const auto columns = Eigen::Index(grid.columns());
   SolidContact<double> contact(queue(), tissue);
@@ -114,9 +109,7 @@ TEST(SolidNode, IsTheSparseFactors) {
       Eigen::VectorXd load = Eigen::VectorXd::Zero(Eigen::Index(grid.unknowns()));
       load.segment(Eigen::Index(q) * columns, columns) = w;
       for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = q * nodes.size() + n;
-      const auto moves = [&](const SurfaceCompliance& s) {
-        return s.times(nodes, w, 0, 3);
-      };
+      const auto moves = [&](const SurfaceCompliance& s) { return s.times(nodes, w, 0, 3); };
       const Eigen::VectorXd moved = truth.solve(load).head(3 * columns) + moves(wide) - moves(periodic);
       for (Eigen::Index p = 0; p < 3; ++p) a(p, Eigen::Index(q)) = w.dot(moved.segment(p * columns, columns));
     }

@@ -74,12 +74,7 @@ TEST(SolidRow, OneElementAlongZIsThePlaneModels) {
 // With the sparse factor's compliance every node is where its pressure says that it is.
 TEST(SolidRow, TheTissueIsWhereTheSparseFactorPutsIt) {
   if (!has_double()) GTEST_SKIP() << "the device has no double";
-  const SolidTissue tissue =
-      solid({32, 16, 0.002, 0.0025, graded_rows(0.020, 6, 1.2)}, 0.49, [](double x, double y, double z) {
-        return std::hypot(x - 0.03, y - 0.008, z - 0.02) < 0.006
-                   ? 8e4
-                   : 1e4 * (1 + 0.3 * std::sin(400 * x + 300 * z));
-      });
+  const SolidTissue tissue = lump_in_waves();
   const SolidGrid& grid = tissue.grid;
   const Vector3 pose{0.0312, 0.0018, 0.0193};
   const double area = grid.spacing_x_m * grid.spacing_z_m;

@@ -36,6 +36,14 @@ inline SolidGrid small_grid() {
   return {16, 8, 0.002, 0.0025, graded_rows(0.020, 6, 1.3)};
 }
 
+// 32 x 16 columns; a stiff lump in tissue whose modulus waves along the surface.
+inline SolidTissue lump_in_waves() {
+  return solid({32, 16, 0.002, 0.0025, graded_rows(0.020, 6, 1.2)}, 0.49, [](double x, double y, double z) {
+    return std::hypot(x - 0.03, y - 0.008, z - 0.02) < 0.006 ? 8e4
+                                                             : 1e4 * (1 + 0.3 * std::sin(400 * x + 300 * z));
+  });
+}
+
 // Each element its own modulus, between 10 kPa and `contrast` times that.
 inline SolidTissue rough(const SolidGrid& grid, double nu, double contrast) {
   std::mt19937 random(7);
