@@ -41,26 +41,13 @@ nlohmann::json made_by(const TouchLinkStats& link) {
   return terms;
 }
 
-struct TermWords {
-  const char *name, *what, *remedy;
-};
-constexpr TermWords kTermWords[] = {
-    {"SOLVER", "the solver", "state a smaller --tolerance"},
-    {"MESH", "the nodes' spacing", "make a scene of finer nodes"},
-    {"FINITE_STRAIN", "the linear model", "press less deep"},
-    {"MODULUS", "the modulus", "image slices nearer to the finger, press the probe further"},
-    {"MODEL", "the closed form", "use --path gradients"},
-    {"DIMENSION", "the plane that stands for a solid", "make a solid scene"},
-    {"CONTEXT", "tissue beside what was imaged", "image more of it"}};
-
 // The largest, and what would make it smaller.
-std::string largest_term(const nlohmann::json& made_by) {
-  const auto largest = std::ranges::max_element(
-      kTermWords, {}, [&](const TermWords& words) { return made_by.value(words.name, 0.0); });
-  const double by = made_by.value(largest->name, 0.0);
-  if (!(by > 0)) return "";
-  return fmt::format("            but for {} it would be {:.1f} % of the force narrower: {}\n", largest->what,
-                     100 * by, largest->remedy);
+nlohmann::json largest_of(const TouchLinkStats& link) {
+  const auto largest = largest_term(link.made_by);
+  if (!largest) return nullptr;
+  return {{"of", largest->what},
+          {"by", largest->by / static_cast<double>(link.force_budget.count())},
+          {"remedy", largest->remedy}};
 }
 
 }  // namespace
@@ -129,7 +116,8 @@ nlohmann::json to_json(const std::string& scene_id, const std::string& renderer,
           {"p50", link.force_budget.percentile(0.5)},
           {"p95", link.force_budget.percentile(0.95)},
           {"above", link.largest_above},
-          {"made_by", made_by(link)}}},
+          {"made_by", made_by(link)},
+          {"largest", largest_of(link)}}},
         {"law_pieces", link.law_pieces},
         {"tactile_images", link.tactile_images},
         {"tactile_dropped", link.tactile_dropped},
@@ -173,7 +161,10 @@ void print_summary(const nlohmann::json& json) {
         "  budget    forces are within %.1f %% of the tissue's (median), %.1f %% (95 %% of the answers), by "
         "what the model states\n",
         100 * budget["p50"].get<double>(), 100 * budget["p95"].get<double>());
-    std::printf("%s", largest_term(budget["made_by"]).c_str());
+    if (const auto& largest = budget["largest"]; !largest.is_null())
+      std::printf("            but for %s it would be %.1f %% of the force narrower: %s\n",
+                  largest["of"].get<std::string>().c_str(), 100 * largest["by"].get<double>(),
+                  largest["remedy"].get<std::string>().c_str());
     if (const double above = budget["above"].get<double>(); above > 0)
       std::printf("            tissue that stiffens with strain may push back up to %.0f %% harder still\n",
                   100 * above);

@@ -23,23 +23,6 @@ bool plausible_stamps(const v1::TouchAnswer& answer) {
          within(answer.answer_stamp().monotonic_ns(), kLatestNs) && answer.answer_stamp().monotonic_ns() > 0;
 }
 
-// As the service adds them (T9.4): deviations and estimates as squares, bounds on top.
-void add_what_terms_make(const v1::ForceBudget& budget, std::map<v1::ForceError::Term, double>& made_by) {
-  constexpr double kOf95 = 1.96, kMost = 1e6;
-  double squares = 0;
-  const auto add = [&](const auto& what) {
-    for (const v1::ForceError& e : budget.terms())
-      if (e.term() != v1::ForceError::TERM_UNSPECIFIED && v1::ForceError::Term_IsValid(e.term()) &&
-          e.relative() >= 0 && e.relative() <= kMost)
-        what(e, e.kind() == v1::ForceError::KIND_BOUND, e.relative() * e.relative());
-  };
-  add([&](const v1::ForceError&, bool bound, double square) { squares += bound ? 0 : square; });
-  add([&](const v1::ForceError& e, bool bound, double square) {
-    const double without = std::sqrt(std::max(0.0, squares - square));
-    made_by[e.term()] += bound ? e.relative() : kOf95 * (std::sqrt(squares) - without);
-  });
-}
-
 }  // namespace
 
 std::string TouchAnswers::take_opened(const v1::TouchOpened& opened, std::int64_t received_ns) {
@@ -111,7 +94,7 @@ std::optional<ServoAnswer> TouchAnswers::take_answer(const v1::TouchAnswer& answ
   if (answer.has_solve() && v1::SolvePath_IsValid(answer.path())) ++stats.solved_by[answer.path()];
   if (answer.has_budget() && std::isfinite(answer.budget().half_width())) {
     stats.force_budget.add(answer.budget().half_width());
-    add_what_terms_make(answer.budget(), stats.made_by);
+    add_terms(answer.budget(), stats.made_by);
     if (answer.budget().above() > stats.largest_above) stats.largest_above = answer.budget().above();
   }
   last_position_m_ = converted->sample.position_m;

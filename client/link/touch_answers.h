@@ -8,6 +8,7 @@
 #include <string>
 
 #include "client/link/arrival_intervals.h"
+#include "client/link/force_terms.h"
 #include "client/link/pacing.h"
 #include "client/servo/clock_offset.h"
 #include "client/servo/histogram.h"
@@ -26,13 +27,12 @@ struct TouchLinkStats {
   std::uint64_t degraded = 0;   // status DEGRADED
   double largest_strain = 0;    // under the finger
   std::map<v1::SolvePath, std::uint64_t> solved_by;  // answers in contact, by the model that gave them
-  Histogram force_budget;    // half of the 95 % interval over the force, of answers that state it
-  double largest_above = 0;  // what it reaches further up than down
-  // What each term makes that half larger, summed over the answers.
-  std::map<v1::ForceError::Term, double> made_by;
-  std::uint64_t dropped = 0;                              // malformed or foreign answers
-  std::uint64_t law_pieces = 0;                           // of contact laws
-  std::uint64_t laws_dropped = 0;                         // malformed ones
+  Histogram force_budget;          // half of the 95 % interval over the force, of answers that state it
+  double largest_above = 0;        // what it reaches further up than down
+  ForceTerms made_by;              // summed over the answers
+  std::uint64_t dropped = 0;       // malformed or foreign answers
+  std::uint64_t law_pieces = 0;    // of contact laws
+  std::uint64_t laws_dropped = 0;  // malformed ones
   std::uint64_t tactile_images = 0, tactile_dropped = 0;  // the same of tactile images
   std::uint64_t streams = 0;                              // opened, the first included
   std::uint64_t instances = 0;                            // service processes seen

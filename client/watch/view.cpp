@@ -1,5 +1,6 @@
 #include "client/watch/view.h"
 
+#include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 
 #include "client/clock/clock.h"
 #include "client/link/estimate_stages.h"
+#include "client/link/force_terms.h"
 #include "client/link/scenes.h"
 #include "client/link/tactile_image.h"
 #include "client/render/energy_ledger.h"
@@ -151,7 +153,14 @@ void View::take_answer(const v1::TouchAnswer& answer) {
              {"largest_strain", answer.largest_strain()},
              {"compute_s", seconds(answer.compute_ns())},
              {"flags", std::vector<std::string>(answer.window_flags().begin(), answer.window_flags().end())}};
-  if (answer.has_budget()) answer_["half_width"] = answer.budget().half_width();
+  if (answer.has_budget()) {
+    answer_["half_width"] = answer.budget().half_width();
+    ForceTerms terms;
+    add_terms(answer.budget(), terms);
+    if (const auto largest = largest_term(terms))
+      answer_["largest_term"] =
+          fmt::format("{}, {:.0f} %: {}", largest->what, 100 * largest->by, largest->remedy);
+  }
   if (!answer.has_tactile()) return;
   const auto image = tactile_from(answer.tactile());
   if (!image) return;

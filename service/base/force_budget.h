@@ -14,10 +14,11 @@ enum class ErrorTerm : std::uint8_t {
   kSolver,        // the equations on these nodes, and layers that have drifted from those solved with
   kMesh,          // nodes so far apart
   kFiniteStrain,  // a linear model of what is pressed so deep
-  kModulus,       // Young's modulus of what is felt
+  kModulus,       // Young's modulus of what is felt, where it was measured
   kModel,         // what a cheaper model than the solid leaves out of the tissue (T9.5)
   kDimension,     // a plane that stands for a solid (T9.7)
-  kContext        // tissue beside what was given (T9.6)
+  kContext,       // tissue beside what was given (T9.6)
+  kSlices         // tissue between a solid's slices (T8.7)
 };
 enum class TermKind : std::uint8_t {
   kBound,     // it is not off by more
@@ -35,7 +36,7 @@ struct ForceError {
 // Terms are taken for independent: deviations and estimates add as squares, bounds on top of that.
 class ForceBudget {
  public:
-  static constexpr std::size_t kMaxTerms = 7;  // each once
+  static constexpr std::size_t kMaxTerms = 8;  // each once
   static constexpr double kOf95 = 1.96;        // half of the interval over a deviation or an estimate
   // What the interval reaches further up than down, over the force: where tissue stiffens with strain.
   double above = 0;
@@ -49,7 +50,8 @@ class ForceBudget {
   }
   // The same but for the modulus: what another model may make less.
   double of_model() const {
-    return half_width([](const ForceError& e) { return e.term != ErrorTerm::kModulus; });
+    return half_width(
+        [](const ForceError& e) { return e.term != ErrorTerm::kModulus && e.term != ErrorTerm::kSlices; });
   }
   double relative(ErrorTerm term) const {
     const auto all = terms();

@@ -24,7 +24,7 @@ constexpr std::array kStatuses{v1::TOUCH_STATUS_OK, v1::TOUCH_STATUS_NOT_COVERED
 constexpr std::array kTerms{v1::ForceError::TERM_SOLVER,        v1::ForceError::TERM_MESH,
                             v1::ForceError::TERM_FINITE_STRAIN, v1::ForceError::TERM_MODULUS,
                             v1::ForceError::TERM_MODEL,         v1::ForceError::TERM_DIMENSION,
-                            v1::ForceError::TERM_CONTEXT};  // by ErrorTerm
+                            v1::ForceError::TERM_CONTEXT,       v1::ForceError::TERM_SLICES};  // by ErrorTerm
 constexpr std::array kKinds{v1::ForceError::KIND_BOUND, v1::ForceError::KIND_ESTIMATE,
                             v1::ForceError::KIND_DEVIATION};  // by TermKind
 
@@ -185,7 +185,7 @@ void answer_to(const TouchStream::Answered& answered, std::uint64_t instance, v1
   out->set_warning(in.warning);
   for (const std::string& flag : in.window_flags) out->add_window_flags(flag);
   if (!c.budget.terms().empty()) budget_to(c.budget, out->mutable_budget());
-  if (in.log_deviation) out->set_youngs_modulus_log_std(*in.log_deviation);
+  if (in.log_deviation) out->set_youngs_modulus_log_std(in.log_deviation->all());
   region_to(in.covered, out->mutable_covered());
   if (answered.tactile) tactile_to(*answered.tactile, out->mutable_tactile());
 }

@@ -261,9 +261,10 @@ Between between(const ExplicitModulus& e, double z_m) {
   return at.share > 1 - kRounding ? Between{at.after, at.after, 0} : at;
 }
 
-std::optional<double> felt_log_deviation(const ExplicitModulus& e, const FeltPlace& place) {
+std::optional<FeltDeviation> felt_log_deviation(const ExplicitModulus& e, const FeltPlace& place) {
   if (e.slices_m.empty()) return std::nullopt;
-  return felt_variance(e, place).deviation();
+  const FeltVariance felt = felt_variance(e, place);
+  return FeltDeviation{std::sqrt(felt.stated), std::sqrt(felt.change + felt.unseen)};
 }
 
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>& e, double x_m,

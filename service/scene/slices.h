@@ -1,6 +1,7 @@
 // Plane maps of a solid's modulus that come one by one (T8.7).
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <optional>
@@ -58,9 +59,14 @@ struct Between {
 };
 Between between(const ExplicitModulus&, double z_m);
 
-// Standard deviation of ln E as a contact feels it (T9.4): of the mean with the elements' shares of its
-// force; none where the modulus was given throughout.
-std::optional<double> felt_log_deviation(const ExplicitModulus&, const FeltPlace&);
+// Standard deviations of ln E as a contact feels it (T9.4), of the mean with the elements' shares of its
+// force: by what was measured there, and of what lies between a solid's slices.
+struct FeltDeviation {
+  double measured = 0, between = 0;
+  double all() const { return std::hypot(measured, between); }
+};
+// None where the modulus was given throughout.
+std::optional<FeltDeviation> felt_log_deviation(const ExplicitModulus&, const FeltPlace&);
 
 // The slices of a solid nearest to z, but for one there, as one sees them whose window begins at x.
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>&, double x_m, double z_m);

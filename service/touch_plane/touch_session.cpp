@@ -63,12 +63,13 @@ FeltPlace felt_by(const Fingertip& tip, const Layer& layer, const TouchPose& pos
 // Standard deviation of ln E of what is felt there: of a solid's slices; of a plane the median over its
 // window (where it states none that of tissue nobody measured, and what the window's places share). Nothing
 // where the modulus was given.
-std::optional<double> stated_log_deviation(const SceneSnapshot& snapshot, const WindowModel& window,
-                                           const FeltPlace& place) {
+std::optional<FeltDeviation> stated_log_deviation(const SceneSnapshot& snapshot, const WindowModel& window,
+                                                  const FeltPlace& place) {
   if (snapshot.modulus) return felt_log_deviation(*snapshot.modulus, place);
   if (!window.evidence) return std::nullopt;  // given
   const WindowEvidence& e = *window.evidence;
-  return e.log_deviation > 0 ? e.log_deviation : std::hypot(choices::kUnseenDeviation, e.common_deviation);
+  return FeltDeviation{e.log_deviation > 0 ? e.log_deviation
+                                           : std::hypot(choices::kUnseenDeviation, e.common_deviation)};
 }
 
 // The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond it
@@ -91,12 +92,14 @@ Beside beside_what_was_given(const Region& region, const Fingertip& tip, const T
 }
 
 // To the budget of an answer that has one, which that of a round tip has.
-void add_scene_errors(const std::optional<double>& log_deviation, const Beside& beside, double stiffening,
-                      ContactAnswer& contact) {
+void add_scene_errors(const std::optional<FeltDeviation>& log_deviation, const Beside& beside,
+                      double stiffening, ContactAnswer& contact) {
   if (contact.budget.terms().empty()) return;
   if (beside.share > 0)
     contact.budget.add({ErrorTerm::kContext, TermKind::kEstimate, beside.share / ForceBudget::kOf95});
-  if (log_deviation) contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, *log_deviation});
+  if (log_deviation) contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, log_deviation->measured});
+  if (log_deviation && log_deviation->between > 0)
+    contact.budget.add({ErrorTerm::kSlices, TermKind::kDeviation, log_deviation->between});
   contact.budget.above = stiffening;
 }
 

@@ -21,6 +21,9 @@ TEST(ForceBudget, BoundsAddUpAndTheRestAsSquares) {
   EXPECT_NEAR(budget.half_width(), 0.01 + 1.96 * 0.05, 1e-12);
   EXPECT_NEAR(budget.of_model(), 0.01 + 1.96 * 0.03, 1e-12);
   EXPECT_EQ(budget.relative(ErrorTerm::kModulus), 0.04);
+  budget.add({ErrorTerm::kSlices, TermKind::kDeviation, 0.12});
+  EXPECT_NEAR(budget.half_width(), 0.01 + 1.96 * 0.13, 1e-12);
+  EXPECT_NEAR(budget.of_model(), 0.01 + 1.96 * 0.03, 1e-12) << "no model makes that less";
 }
 
 // Draws of what the terms say they are: the interval holds what it says.

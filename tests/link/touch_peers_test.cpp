@@ -177,6 +177,11 @@ TEST(TouchPeers, WhatEachTermMakesOfTheIntervalIsSummedUp) {
   EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_CONTEXT], 2 * 1.96 * (0.5 - 0.4), 1e-12);
   EXPECT_NEAR(told.stats.made_by[v1::ForceError::TERM_MESH], 2 * 0.02, 1e-12);
   EXPECT_EQ(told.stats.force_budget.count(), 2u);
+  const auto largest = largest_term(told.stats.made_by);
+  ASSERT_TRUE(largest);
+  EXPECT_STREQ(largest->what, "the modulus");
+  EXPECT_EQ(largest->by, told.stats.made_by[v1::ForceError::TERM_MODULUS]);
+  EXPECT_FALSE(largest_term({}));
   // AND one without a width counts for neither
   answer.mutable_budget()->set_half_width(std::nan(""));
   told.take_answer(answer, true, 1, 2);

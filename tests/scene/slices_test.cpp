@@ -80,7 +80,7 @@ double hidden(double gap_m, double apart) {
 TEST(Slices, TheirDeviationGrowsBetweenThem) {
   const ExplicitModulus e =
       stacked(grid(), {uniform(-0.004, 1e4, 0.1), uniform(0.004, 3e4, 0), uniform(0.006, 3e4, 0.2)}, {});
-  const auto at = [&](double z_m) { return felt_log_deviation(e, {kBallX, 0, z_m, kFeltM}).value(); };
+  const auto at = [&](double z_m) { return felt_log_deviation(e, {kBallX, 0, z_m, kFeltM}).value().all(); };
   EXPECT_NEAR(at(-0.004), 0.1, 1e-12);
   EXPECT_NEAR(at(0.004), 0, 1e-12) << "exact where it states none";
   EXPECT_NEAR(at(0.006), 0.2, 1e-12);
@@ -92,7 +92,7 @@ TEST(Slices, TheirDeviationGrowsBetweenThem) {
   for (double z_m = 0.006; z_m < 0.010; z_m += 0.001) EXPECT_LT(at(z_m), at(z_m + 0.0005)) << z_m;
   EXPECT_DOUBLE_EQ(at(0.012), at(0.018)) << "no farther than what nobody measured";
   const ExplicitModulus far = stacked(grid(), {uniform(-0.006, 1e4, 0.1), uniform(0.006, 1e4, 0.1)}, {});
-  EXPECT_NEAR(felt_log_deviation(far, {kBallX, 0, 0, kFeltM}).value(),
+  EXPECT_NEAR(felt_log_deviation(far, {kBallX, 0, 0, kFeltM}).value().all(),
               std::hypot(0.1, choices::kUnseenDeviation), 1e-12)
       << "amid a wide gap even slices tell nothing";
   ExplicitModulus throughout = grid();
@@ -145,7 +145,7 @@ TEST(Slices, TheirDeviationIsThatUnderTheFinger) {
     if (n % 24 >= 16 || n / 24 >= 9) slice.log_deviation[n] = 1;
   const ExplicitModulus e = stacked(grid(), {slice}, {});
   const auto at = [&](double x_m, double depth_m) {
-    return felt_log_deviation(e, {x_m, depth_m, 0, kFeltM}).value();
+    return felt_log_deviation(e, {x_m, depth_m, 0, kFeltM}).value().all();
   };
   EXPECT_GT(at(0.016, e.y_m.back() - 0.001), 0.5) << "felt from a row below";
   EXPECT_LT(at(0.016, 0), 0.2);
@@ -156,7 +156,7 @@ TEST(Slices, TheirDeviationIsThatUnderTheFinger) {
 // Half of what is wrong here is wrong everywhere, or changes its sign with depth.
 TEST(Slices, WhatIsWrongAlikeIsFeltAsAWholeTheRestLess) {
   const auto at = [](const ModulusSlice& slice, double radius_m = kFeltM) {
-    return felt_log_deviation(stacked(grid(), {slice}, {}), {kBallX, 0, 0, radius_m}).value();
+    return felt_log_deviation(stacked(grid(), {slice}, {}), {kBallX, 0, 0, radius_m}).value().all();
   };
   ModulusSlice slice = uniform(0, 1e4, 0.5);
   EXPECT_NEAR(at(slice), 0.5, 1e-9) << "where nothing is known of that";
@@ -172,7 +172,7 @@ TEST(Slices, WhatIsWrongAlikeIsFeltAsAWholeTheRestLess) {
   const ExplicitModulus both = stacked(grid(), {slice, uniform(0.004, 1e4, 0.5)}, {});
   ASSERT_EQ(both.log_modes.size(), 2u);
   EXPECT_TRUE(both.log_modes[1].empty());
-  EXPECT_NEAR(felt_log_deviation(both, {kBallX, 0, 0.002, kFeltM}).value(),
+  EXPECT_NEAR(felt_log_deviation(both, {kBallX, 0, 0.002, kFeltM}).value().all(),
               std::sqrt(0.125 * (1 + left) + hidden(0.004, 1.8)), 1e-6);
 }
 

@@ -87,7 +87,10 @@ TEST(TouchedSlices, AnAnswerAsksForTheSliceThatItLacks) {
     EXPECT_FALSE(wish(session, y_m, 0.0185)) << "beside the solid";
   }
   const TouchAnswer answer = session.solve({0.012, 0.001, 0.0055});
-  EXPECT_NEAR(answer.wish->half_width, 1.96 * answer.log_deviation.value(), 1e-12);
+  EXPECT_NEAR(answer.wish->half_width, 1.96 * answer.log_deviation.value().all(), 1e-12);
+  EXPECT_GT(answer.log_deviation->between, 0);
+  EXPECT_EQ(answer.contact.budget.relative(ErrorTerm::kSlices), answer.log_deviation->between);
+  EXPECT_EQ(answer.contact.budget.relative(ErrorTerm::kModulus), answer.log_deviation->measured);
   TouchOptions lenient;
   lenient.tolerance = Tolerance{0.8, 0};
   TouchSession other(scene, lenient, test_device());

@@ -160,6 +160,8 @@ TEST(View, AnAnswerWithoutAnIntervalIsDrawnWithNone) {
     if (half_width) {
       said.mutable_budget()->set_half_width(*half_width);
       said.mutable_budget()->set_above(0.5);
+      v1::ForceError& error = *said.mutable_budget()->add_terms();
+      error.set_term(v1::ForceError::TERM_MODULUS), error.set_relative(*half_width / 1.96);
     }
     view.take(answer);
     view.take(tick_at(time_ns += 10'000'000));
@@ -168,6 +170,8 @@ TEST(View, AnAnswerWithoutAnIntervalIsDrawnWithNone) {
   };
   EXPECT_EQ(drawn(0.25), 0.25F);
   EXPECT_EQ(last_of(view, "above"), 0.5F);
+  const std::string largest = newest(view, Channel::kStatus)["answer"]["largest_term"];
+  EXPECT_EQ(largest.find("the modulus, 25 %: "), 0U) << largest;
   EXPECT_TRUE(std::isnan(drawn({})));
 }
 

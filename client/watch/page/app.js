@@ -112,6 +112,7 @@ function showStatus(status) {
       return item;
     }));
   }
+  set('interval-by', status.answer?.largest_term ?? '–');
   const warning = status.answer?.warning ?? '';
   $('warning').hidden = !warning;
   set('warning', warning);
