@@ -36,7 +36,6 @@ int main(int argc, char** argv) {
   teletact::bench::add_plan_suite(app, met);
   teletact::bench::add_real_tissue_suite(app, met);
   teletact::bench::add_warnings_suite(app, met);
-  teletact::bench::add_solid_felt_command(app);
   teletact::bench::add_report_command(app);
   try {
     app.parse(argc, argv);

@@ -61,10 +61,6 @@ void add_plan_suite(CLI::App& app, bool& met);
 void add_real_tissue_suite(CLI::App& app, bool& met);
 void add_warnings_suite(CLI::App& app, bool& met);
 
-// A touch of the simulated solid patient beside that patient's own tissue. Its exit code is 2 where what is
-// promised is not met.
-void add_solid_felt_command(CLI::App& app);
-
 // One of the processes of the suite `load`, which starts them.
 void add_load_worker(CLI::App& app);
 

@@ -73,7 +73,7 @@ demo() {
   case $solid in
     '') build teletact-service compiled_kernels teletact-client ${round_trip:+teletact-proxy} ;;
     page) build teletact-service compiled_kernels teletact-client teletact-proxy ;;
-    *) build teletact-service compiled_kernels teletact-client teletact-bench ${round_trip:+teletact-proxy} ;;
+    *) build teletact-service compiled_kernels teletact-client teletact-felt ${round_trip:+teletact-proxy} ;;
   esac
   choose_kernel_cache
   begin_demo "$out" "$solid"
@@ -308,7 +308,7 @@ run_solid_demo() {
   say "3/4 operator side: a finger goes in circles for $duration s at 20 mm/s${round_trip:+, $round_trip ms of round trip away}"
   touch_demo "$round_trip" --duration-s "$duration" --tactile "${touch[@]}"
   say "4/4 the patient's own tissue at 48 of the poses that were felt: about a minute"
-  "$BUILD/bench/teletact-bench" solid-felt --touch-record "$DEMO_OUT/touch.record" --seed "$seed" --poses 48 \
+  "$BUILD/bench/teletact-felt" --touch-record "$DEMO_OUT/touch.record" --seed "$seed" --poses 48 \
     --out "$DEMO_OUT" 2>"$DEMO_OUT/log/report.log" || status=$?
   report_demo "$status"
 }
@@ -331,7 +331,7 @@ run_slices_demo() {
   touch_demo "$round_trip" --duration-s "$duration" "${touch[@]}"
   wait "$acquire_pid" || fail_demo "the patient side failed"
   say "4/4 the patient's own tissue at 60 of the poses that were felt: about a minute"
-  "$BUILD/bench/teletact-bench" solid-felt --touch-record "$DEMO_OUT/touch.record" --poses 60 \
+  "$BUILD/bench/teletact-felt" --touch-record "$DEMO_OUT/touch.record" --poses 60 \
     --tissue "$DEMO_OUT/patient.toml" --modulus "$DEMO_OUT/modulus.mha" \
     --acquire-record "$DEMO_OUT/acquire.record" --out "$DEMO_OUT" 2>"$DEMO_OUT/log/report.log" || status=$?
   report_demo "$status"

@@ -94,7 +94,7 @@ TEST(SlicesFromRf, MakeASolidThatGrowsAndIsFelt) {
   EXPECT_EQ(summary["link"]["not_covered"], 0);
   EXPECT_GT(summary["largest_force_n"], 0.02);
   const test::Outcome judged =
-      test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-bench", "solid-felt",
+      test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-felt",
                  "--touch-record", folder / "touch.record", "--tissue", folder / "t.toml", "--modulus",
                  folder / "m.mha", "--acquire-record", folder / "acquire.record", "--poses", "2", "--out",
                  folder / "out"},

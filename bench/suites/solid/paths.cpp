@@ -16,7 +16,7 @@
 #include "bench/basics/median.h"
 #include "bench/curves.h"
 #include "bench/rigid_contact.h"
-#include "bench/suites/solid/patient_truth.h"
+#include "bench/felt/patient_truth.h"
 #include "bench/suites/solid/solid.h"
 #include "client/patient/solid_patient.h"
 #include "service/device/device.h"

@@ -1,4 +1,4 @@
-#include "bench/suites/solid/felt_summary.h"
+#include "bench/felt/felt_summary.h"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,8 @@
 
 #include "bench/curves.h"
 #include "bench/suite.h"
-#include "bench/suites/solid/found_lumps.h"
-#include "bench/suites/solid/patient_truth.h"
+#include "bench/felt/found_lumps.h"
+#include "bench/felt/patient_truth.h"
 #include "client/acquire/solid_source.h"
 
 namespace teletact::bench {

@@ -1,4 +1,4 @@
-// teletact-bench solid-felt: the forces that were felt in a touch of a simulated solid patient, beside those
+// teletact-felt: the forces that were felt in a touch of a simulated solid patient, beside those
 // of that patient's own tissue at the same poses: of one whose modulus was given beside what a plane model
 // would have answered, too; of one that was imaged slice by slice with what is stated of them, and with its
 // lumps.
@@ -11,9 +11,9 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "bench/felt/felt_summary.h"
+#include "bench/felt/patient_truth.h"
 #include "bench/suite.h"
-#include "bench/suites/solid/felt_summary.h"
-#include "bench/suites/solid/patient_truth.h"
 #include "client/acquire/solid_source.h"
 #include "client/files/file_io.h"
 #include "client/files/metaimage.h"
@@ -207,30 +207,38 @@ bool run(const Options& options) {
 }
 
 }  // namespace
+}  // namespace teletact::bench
 
-void add_solid_felt_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
-  CLI::App& command = *app.add_subcommand(
-      "solid-felt", "a touch of the simulated solid patient beside that patient's own tissue");
-  command.add_option("--touch-record", options->touch_record, "written by teletact-client touch --record")
+int main(int argc, char** argv) {
+  CLI::App app(
+      "a touch of a simulated solid patient beside that patient's own tissue; exit code 2 when a promise is "
+      "missed",
+      "teletact-felt");
+  app.set_version_flag("--version", "teletact-felt " TELETACT_VERSION);
+  app.option_defaults()->always_capture_default();
+  teletact::bench::Options options;
+  app.add_option("--touch-record", options.touch_record, "written by teletact-client touch --record")
       ->required();
-  command.add_option("--seed", options->seed, "of the patient that was touched: teletact-client slices");
-  CLI::Option* tissue = command.add_option("--tissue", options->tissue,
-                                           "instead: the solid that acquire --slices imaged, as it saved it");
-  command.get_option("--seed")->excludes(tissue);
+  app.add_option("--seed", options.seed, "of the patient that was touched: teletact-client slices");
+  CLI::Option* tissue = app.add_option("--tissue", options.tissue,
+                                       "instead: the solid that acquire --slices imaged, as it saved it");
+  app.get_option("--seed")->excludes(tissue);
   CLI::Option* modulus =
-      command.add_option("--modulus", options->modulus, "with it: the volume that acquire saved")
-          ->needs(tissue);
+      app.add_option("--modulus", options.modulus, "with it: the volume that acquire saved")->needs(tissue);
   CLI::Option* record =
-      command.add_option("--acquire-record", options->acquire_record, "with it: written by acquire --record")
+      app.add_option("--acquire-record", options.acquire_record, "with it: written by acquire --record")
           ->needs(tissue);
   tissue->needs(modulus)->needs(record);
-  command.add_option("--poses", options->poses, "so many are judged, evenly over the touch")
+  app.add_option("--poses", options.poses, "so many are judged, evenly over the touch")
       ->check(CLI::Range(1, 100000));
-  command.add_option("--out", options->out, "folder for summary.json and the pictures")->required();
-  command.callback([options] {
-    if (!run(*options)) throw CLI::RuntimeError(kPromisesMissed);
-  });
+  app.add_option("--out", options.out, "folder for summary.json and the pictures")->required();
+  try {
+    app.parse(argc, argv);
+    return teletact::bench::run(options) ? 0 : teletact::bench::kPromisesMissed;
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "teletact-felt: %s\n", error.what());
+    return 1;
+  }
 }
-
-}  // namespace teletact::bench

@@ -1,4 +1,4 @@
-#include "bench/suites/solid/found_lumps.h"
+#include "bench/felt/found_lumps.h"
 
 #include <algorithm>
 #include <array>

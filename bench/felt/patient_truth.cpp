@@ -1,4 +1,4 @@
-#include "bench/suites/solid/patient_truth.h"
+#include "bench/felt/patient_truth.h"
 
 #include <fmt/format.h>
 
