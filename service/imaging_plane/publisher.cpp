@@ -29,7 +29,7 @@ void Publisher::change_alone(const Scene& scene, const std::function<void()>& ch
 }
 
 Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::string& client,
-                            const std::function<Published()>& change) {
+                            std::chrono::seconds within, const std::function<Published()>& change) {
   Published published;
   change_alone(*scene, [&] { published = change(); });
   if (scenes_.trouble_with_disk())
@@ -40,7 +40,7 @@ Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::stri
             .line());
   scenes_.keep_later(scene);
   refresh_later(scene, {.client = client,
-                        .deadline = Workers::Clock::now() + kFreshWithin,
+                        .deadline = Workers::Clock::now() + within,
                         .owed = true,
                         .device = workers_.device_here()});
   return published;
@@ -48,7 +48,7 @@ Published Publisher::change(const std::shared_ptr<Scene>& scene, const std::stri
 
 Published Publisher::publish(const std::shared_ptr<Scene>& scene, const WindowEstimate& estimate,
                              const std::string& client) {
-  const Published published = change(scene, client, [&] { return scene->publish(estimate); });
+  const Published published = change(scene, client, kFreshWithin, [&] { return scene->publish(estimate); });
   spdlog::info("event=window_published scene={} window={} version={} begin_m={:.6f} width_m={:.6f}",
                scene->id(), published.window_id, published.version, estimate.window_x_m, estimate.width_m);
   return published;
@@ -56,7 +56,7 @@ Published Publisher::publish(const std::shared_ptr<Scene>& scene, const WindowEs
 
 Published Publisher::publish(const std::shared_ptr<Scene>& scene, const ModulusSlice& slice,
                              const std::string& client) {
-  const Published published = change(scene, client, [&] { return scene->publish(slice); });
+  const Published published = change(scene, client, kRenewedWithin, [&] { return scene->publish(slice); });
   spdlog::info("event=slice_published scene={} version={} z_m={:.6f}", scene->id(), published.version,
                slice.z_m);
   return published;

@@ -18,6 +18,9 @@ class Publisher {
  public:
   // The neighbours of a window that was published are fresh within this time, whatever else is worked on.
   static constexpr std::chrono::seconds kFreshWithin{1};
+  // A solid's model that slices have worn is renewed within this, between estimates where these leave time:
+  // what it is off by until then is stated (T8.7), and whoever waits for the next slice does not wait for it.
+  static constexpr std::chrono::seconds kRenewedWithin{10};
   // For another device's job to end that changes the scene.
   static constexpr std::chrono::milliseconds kPatience{10'000};
 
@@ -34,8 +37,8 @@ class Publisher {
   // Has `change` change the scene, and no other job meanwhile: one that made way in the midst of it goes on
   // before another may.
   void change_alone(const Scene&, const std::function<void()>& change);
-  // The same, and sees to what follows.
-  Published change(const std::shared_ptr<Scene>&, const std::string& client,
+  // The same, and sees to what follows, within that time.
+  Published change(const std::shared_ptr<Scene>&, const std::string& client, std::chrono::seconds within,
                    const std::function<Published()>& change);
   void refresh_later(const std::shared_ptr<Scene>&, const JobTerms&);
   void refresh(const std::shared_ptr<Scene>&, JobTerms);

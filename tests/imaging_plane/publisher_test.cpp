@@ -13,6 +13,7 @@
 #include "service/device/cancellation.h"
 #include "service/scene/errors.h"
 #include "tests/scene/create_scene.h"
+#include "tests/scene/stacks.h"
 #include "tests/scene/windows.h"
 
 namespace teletact::service {
@@ -167,6 +168,54 @@ TEST_F(Publishing, NeighboursAreFreshInTimeWhileOthersNeverCease) {
     workers.cancel(running.id);
     running.future.wait();  // it counts steps
   }
+}
+
+// Worn by every slice, and renewed by one that nothing wears.
+class WornModel final : public TouchModel {
+ public:
+  explicit WornModel(bool renewed = false) : renewed_(renewed) {}
+  Region region() const override { return {0, kWidthM, RangeZ{-0.018, 0.018}}; }
+  std::vector<Layer> layers() const override { return {Layer{}}; }
+  std::shared_ptr<TouchedLayer> layer(const Layer&, const TouchWay&, const TouchWork&) const override {
+    return nullptr;
+  }
+  std::shared_ptr<const TouchModel> renewed(const MemoryAccount&) const override {
+    return renewed_ ? nullptr : std::make_shared<WornModel>(true);
+  }
+
+ private:
+  const bool renewed_;
+};
+class WornModels final : public TouchModels {
+ public:
+  std::vector<Layer> layers(const SceneGeometry&) const override { return {Layer{}}; }
+  double context_m() const override { return 0; }
+  std::shared_ptr<const TouchModel> of_window(const WantedModel&) const override { return nullptr; }
+  std::shared_ptr<const TouchModel> of_modulus(const SceneGeometry&, const ExplicitModulus&,
+                                               const MemoryAccount&) const override {
+    return std::make_shared<WornModel>();
+  }
+};
+
+// Nobody waits for a window's neighbours so long, and for the next slice somebody does.
+TEST(PublishingSlices, AWornModelIsRenewedOnceNobodyAsks) {
+  Scenes solids("", {}, machine_files(), {}, std::make_shared<WornModels>());
+  Workers workers;
+  Publisher publisher(solids, workers);
+  const auto scene = create_scene(solids, "s", tissue(kWidthM, kDepthM), stack({-0.01}));
+  std::uint64_t published = 0;
+  auto estimate = [&] {
+    published = publisher.publish(scene, slice_at(0.01), "patient").version;
+    for (std::chrono::milliseconds had{0}; had < 1.2 * Publisher::kFreshWithin;
+         had += std::chrono::milliseconds(1)) {
+      check_cancelled();
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return scene->snapshot()->version;
+  };
+  EXPECT_EQ(workers.run({.client = "patient"}, estimate).future.get(), published);
+  workers.finish();
+  EXPECT_GT(scene->snapshot()->version, published);
 }
 
 }  // namespace
