@@ -105,7 +105,7 @@ AcquireResult AcquireSession::run(const std::atomic<bool>& stop) {
       if (observer_.ready) observer_.ready();
     }
     const bool wished = next && motion.wished_m && *next == planner_.window_at(*motion.wished_m);
-    if (next && room_for(wished)) {
+    if (next && has_room()) {
       if (wished && observer_.note)
         observer_.note(
             fmt::format("asked for a slice at z = {:.1f} mm: the force there may be off by {:.0f} %",
@@ -160,9 +160,10 @@ v1::SlicePose AcquireSession::pose_of(std::size_t window) const {
   return pose;
 }
 
-bool AcquireSession::room_for(bool wished) {
+bool AcquireSession::has_room() {
+  if (options_.slices) return idle();
   const std::lock_guard lock(mutex_);
-  return queue_.size() < kMaxQueuedUploads + (wished ? 1 : 0);
+  return queue_.size() < kMaxQueuedUploads;
 }
 
 void AcquireSession::upload_loop() {
@@ -177,11 +178,9 @@ void AcquireSession::upload_loop() {
       const std::size_t slice = *due();
       work = [this, slice, pair = corrections_->take(slice)]() mutable { correct(slice, std::move(pair)); };
     } else {
-      auto next = std::ranges::find_if(queue_, [this](const Upload& u) { return u.window == wished_; });
-      if (next == queue_.end()) next = queue_.begin();
-      uploading_ = next->window;
-      work = [this, upload = std::move(*next)]() mutable { upload_one(std::move(upload)); };
-      queue_.erase(next);
+      uploading_ = true;
+      work = [this, upload = std::move(queue_.front())]() mutable { upload_one(std::move(upload)); };
+      queue_.pop_front();
     }
     lock.unlock();
     std::exception_ptr failure;
@@ -191,8 +190,7 @@ void AcquireSession::upload_loop() {
       failure = std::current_exception();
     }
     lock.lock();
-    uploading_.reset();
-    correcting_ = false;
+    uploading_ = correcting_ = false;
     failure_ = failure;
     changed_.notify_all();
   }
@@ -308,7 +306,7 @@ FingerMotion AcquireSession::finger() {
   return motion;
 }
 
-// The same of a slice that is asked for, unless it is on its way.
+// The same of a slice that is asked for.
 std::optional<double> AcquireSession::wished_m() {
   wish_ = finger_->wish();
   const std::string problem = wish_ ? problem_of(*wish_, options_.slices) : "";
@@ -317,15 +315,8 @@ std::optional<double> AcquireSession::wished_m() {
     ignored_ = true;
     wish_.reset();
   }
-  const std::lock_guard lock(mutex_);
-  wished_.reset();
   if (!wish_) return std::nullopt;
-  const double at_m = wish_->z_m() - begin_m(options_.slices->grid.places);
-  wished_ = planner_.window_at(at_m);
-  const bool comes = uploading_ == wished_ || std::ranges::any_of(queue_, [this](const Upload& upload) {
-                       return upload.window == wished_;
-                     });
-  return comes ? std::nullopt : std::make_optional(at_m);
+  return wish_->z_m() - begin_m(options_.slices->grid.places);
 }
 
 // Those ahead of a finger at the start, or all that can be had.

@@ -1,10 +1,11 @@
 // The patient side at work: follows the finger, plans windows, moves the arm, takes frames and uploads them.
 //
 // Two threads besides the caller's: FingerWatch, and one uploader, so that the arm moves on while the service
-// computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits. The slice that the
-// service asks for passes them: one more may wait, and it is uploaded next. While none waits, the arm has
-// none to take and no finger touches (its force would fade while the model is made anew), slices that a
-// neighbour came to are estimated again, with it.
+// computes. At most kMaxQueuedUploads pairs wait for the uploader; then the arm waits. A slice takes the
+// service many times as long as the arm: taken while another is under way it only waits, chosen by where the
+// finger was. So the arm takes one at a time, what the service asks for first. While the arm has none to take
+// and no finger touches (its force would fade while the model is made anew), slices that a neighbour came to
+// are estimated again, with it.
 #pragma once
 
 #include <atomic>
@@ -106,7 +107,7 @@ class AcquireSession {
   };
 
   void acquire(std::size_t window, const std::atomic<bool>& stop);
-  bool room_for(bool wished);
+  bool has_room();
   void upload_loop();
   void upload_one(Upload upload);
   void correct(std::size_t slice, FramePair pair);
@@ -149,9 +150,9 @@ class AcquireSession {
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   std::deque<Upload> queue_;
-  std::optional<std::size_t> uploading_, wished_;  // windows
-  std::optional<SliceCorrections> corrections_;    // of slices
-  bool resting_ = false, correcting_ = false;      // nothing is asked of the arm, nor of the scene
+  std::optional<SliceCorrections> corrections_;  // of slices
+  bool uploading_ = false;
+  bool resting_ = false, correcting_ = false;  // nothing is asked of the arm, nor of the scene
   bool closing_ = false, scene_made_ = false;
   std::vector<std::optional<double>> acquired_s_;
   std::vector<std::uint32_t> passes_;
