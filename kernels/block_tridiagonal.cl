@@ -13,9 +13,10 @@
 #include "pcg.clh"
 #include "sums.clh"
 
-#define ROWS 8    // of a tile
-#define EDGE 2    // zeros beside a block's vector: the neighbours that its first and last node do not have
-#define MOST 128  // unknowns of a block
+#define ROWS 8     // of a tile
+#define EDGE 2     // zeros beside a block's vector: the neighbours that its first and last node do not have
+#define MOST 128   // unknowns of a block
+#define AT_ONCE 4  // of a row's parts, sums of the others
 
 typedef struct {
   int steps, size, padded;  // blocks; unknowns of one, and these in whole tiles
@@ -99,8 +100,13 @@ void times_inverse(global const real* inverse, const Shape shape, const Group gr
     sum += inverse[(row / ROWS * shape.size + c) * ROWS + row % ROWS] * group.in[c];
   group.partial[item] = sum;
   barrier(CLK_LOCAL_MEM_FENCE);
+  if (part < AT_ONCE) {
+    for (int n = part + AT_ONCE; n < parts; n += AT_ONCE) sum += group.partial[row + n * shape.padded];
+    group.partial[item] = sum;
+  }
+  barrier(CLK_LOCAL_MEM_FENCE);
   if (part != 0) return;
-  for (int n = 1; n < parts; ++n) sum += group.partial[item + n * shape.padded];
+  for (int n = 1; n < min(parts, AT_ONCE); ++n) sum += group.partial[row + n * shape.padded];
   out[row] = sum;
 #endif
 }
@@ -204,6 +210,13 @@ real step_of(Lane* lane, const real curvature, const real work) {
   return alpha;
 }
 
+// After the last iteration, where no preconditioner says what is left.
+void end(Lane* lane, const real rr) {
+  if (lane->state != RUNNING) return;
+  lane->rr = rr;
+  if (!isfinite(rr)) lane->state = NOT_FINITE;
+}
+
 // After it: whether to stop; how much of p goes on.
 real judge(Lane* lane, const real rr, const real rz, const real squared_tolerance) {
   if (lane->state != RUNNING) return 0;
@@ -253,18 +266,23 @@ kernel OF_GROUP void solve_whole(global const real* rows, global const real* inv
     rr += r[u] * r[u];
   }
   rr = total(rr, group);
-  const vec rz = precondition(rows, inverses, r, z, shape, group);
   Lane lanes[WIDTH];
   real a[WIDTH], b[WIDTH];
-  STORE(rz, a);
-  STORE(rr, b);
-  bool running = false;
-  for (int lane = 0; lane < WIDTH; ++lane) {
-    lanes[lane] = begin(scalars, OWN_GROUP * WIDTH + lane, rhs, a[lane], b[lane]);
-    running = running || lanes[lane].state == RUNNING;
-  }
-  for (int u = first; u < count; u += GROUP) p[u] = z[u];
+  bool running = true;
   for (int k = 0; k < max_iterations && running; ++k) {
+    const vec rz = precondition(rows, inverses, r, z, shape, group);
+    STORE(rr, a);
+    STORE(rz, b);
+    running = false;
+    for (int lane = 0; lane < WIDTH; ++lane) {
+      const int q = OWN_GROUP * WIDTH + lane;
+      if (k == 0) lanes[lane] = begin(scalars, q, rhs, b[lane], a[lane]);
+      a[lane] = k == 0 ? 0 : judge(lanes + lane, a[lane], b[lane], squared_tolerance);
+      running = running || lanes[lane].state == RUNNING;
+      if (first == 0 && q < rhs && k > 0) scalars[BETA_OF(k - 1) * rhs + q] = a[lane];
+    }
+    const vec beta = LOAD(a);
+    for (int u = first; u < count; u += GROUP) p[u] = k == 0 ? z[u] : z[u] + beta * p[u];
     barrier(CLK_GLOBAL_MEM_FENCE);
     vec curvature = 0, done = 0;
     for (int u = first; u < count; u += GROUP) {
@@ -279,7 +297,9 @@ kernel OF_GROUP void solve_whole(global const real* rows, global const real* inv
     for (int lane = 0; lane < WIDTH; ++lane) {
       const int q = OWN_GROUP * WIDTH + lane;
       a[lane] = step_of(lanes + lane, a[lane], b[lane]);
-      if (first == 0 && q < rhs) scalars[ALPHA_OF(k) * rhs + q] = a[lane];
+      if (first != 0 || q >= rhs) continue;
+      scalars[ALPHA_OF(k) * rhs + q] = a[lane];
+      scalars[BETA_OF(k) * rhs + q] = 0;
     }
     const vec alpha = LOAD(a);
     rr = 0;
@@ -290,19 +310,9 @@ kernel OF_GROUP void solve_whole(global const real* rows, global const real* inv
       rr += r[u] * r[u];
     }
     rr = total(rr, group);
-    const vec now = precondition(rows, inverses, r, z, shape, group);
-    STORE(rr, a);
-    STORE(now, b);
-    running = false;
-    for (int lane = 0; lane < WIDTH; ++lane) {
-      const int q = OWN_GROUP * WIDTH + lane;
-      a[lane] = judge(lanes + lane, a[lane], b[lane], squared_tolerance);
-      running = running || lanes[lane].state == RUNNING;
-      if (first == 0 && q < rhs) scalars[BETA_OF(k) * rhs + q] = a[lane];
-    }
-    const vec beta = LOAD(a);
-    for (int u = first; u < count; u += GROUP) p[u] = z[u] + beta * p[u];
   }
+  STORE(rr, a);
+  for (int lane = 0; lane < WIDTH; ++lane) end(lanes + lane, a[lane]);
   for (int u = first; u < count; u += GROUP) {
     unpack(x[u], x_vectors, shape, u);
     unpack(r[u], r_vectors, shape, u);

@@ -182,14 +182,17 @@ kernel void solid_add(global real* restrict to, global const real* restrict from
   if (n < groups) STORE(LOAD(to + WIDTH * n) + LOAD(from + WIDTH * n), to + WIDTH * n);
 }
 
-// Partial sums of a . b, from `first` on: each item sums `chunk` groups of WIDTH. Items: (chunk).
-kernel void solid_dot(global const real* restrict a, global const real* restrict b,
-                      global accum* restrict partial, const int first, const int groups, const int chunk) {
-  const int n = get_global_id(0), begin = n * chunk, end = min(begin + chunk, groups);
-  if (begin >= groups) return;
+// Partial sums of a . b, from `first` on: each work-group sums `chunk` groups of WIDTH numbers.
+kernel OF_GROUP void solid_dot(global const real* restrict a, global const real* restrict b,
+                               global accum* restrict partial, const int first, const int groups,
+                               const int chunk) {
+  local accum shared[GROUP];
+  const int n = OWN_GROUP, begin = n * chunk, end = min(begin + chunk, groups);
   vec sum = (vec)(0);
-  for (int m = begin; m < end; ++m) sum += LOAD(a + WIDTH * m) * LOAD(b + WIDTH * m);
-  partial[first + n] = sum_lanes(sum);
+  for (int m = begin + (int)get_local_id(0); m < end; m += GROUP)
+    sum += LOAD(a + WIDTH * m) * LOAD(b + WIDTH * m);
+  const accum of_chunk = sum_of_group(sum_lanes(sum), shared);
+  if (get_local_id(0) == 0 && begin < groups) partial[first + n] = of_chunk;
 }
 
 // out = from + sign B^T q, or that the other way round where `of_field` is -1. The patch's row begins at

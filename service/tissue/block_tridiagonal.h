@@ -15,7 +15,8 @@ namespace teletact::service {
 // stretched.
 bool is_narrow(const DeviceInfo&, const TissueGrid&);
 
-// As Pcg, with its preconditioner.
+// As Pcg, with its preconditioner. In double a solve is one step: as far as double goes, and the caller's own
+// bound of what is left costs no more than to look here.
 template <class T>
 class BlockTridiagonalPcg {
  public:
@@ -30,6 +31,7 @@ class BlockTridiagonalPcg {
   void set_relative_error(double error) { options_.relative_error = error; }
 
  private:
+  static constexpr bool kOneStep = sizeof(T) == sizeof(double);
   // As in the kernel.
   struct Shape {
     int steps = 0, size = 0, padded = 0, along = 0, across = 0, rhs = 0;

@@ -253,7 +253,7 @@ std::vector<ElasticitySolver::Column> ElasticitySolver::solve_batch(std::size_t 
       sound = sound && c.reason == StopReason::kConverged;
     }
     // Done, beyond help, or no longer improving.
-    if (options_.precision == SolvePrecision::kDouble || worst <= options_.relative_error || !sound) break;
+    if (worst <= options_.relative_error || !sound) break;
     if (!(worst < last / 2)) break;
     last = worst;
   }

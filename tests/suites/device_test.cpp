@@ -67,6 +67,27 @@ TEST_F(DeviceSuite, PartsAreKeptAndGoneOnWith) {
   EXPECT_NE(text("pages/device.md").find(all.at("device").at("name")), std::string::npos);
 }
 
+// As a GPU, at the sizes that the issue names: small ones hide what grows with them. A window's sweeps go
+// from column to column of nodes, one behind the other.
+TEST_F(DeviceSuite, ChainsAreShortAtTrueSizes) {
+  constexpr int kMost = 1024, kOfAWindow = 4200;
+  const auto run = ran({"device", "--out", folder_ / "out", "--only", "displacement", "solids", "planes",
+                        "--part-limit-s", "500"});
+  ASSERT_EQ(run.code, 0) << run.output;
+  int windows = 0, others = 0;
+  for (const char* part : {"displacement", "solids", "planes"}) {
+    ASSERT_EQ(written(std::string(part) + ".json").at("ended"), "complete") << run.output;
+    for (const auto& stage : written(std::string(part) + ".json").at("stages")) {
+      if (!stage.at("a_gpu_modelled_ms").is_number()) continue;
+      const bool window = stage.at("stage").get<std::string>().find("32 loads") != std::string::npos;
+      EXPECT_LE(stage.at("longest_chain"), window ? kOfAWindow : kMost) << stage;
+      ++(window ? windows : others);
+    }
+  }
+  EXPECT_EQ(windows, 1);
+  EXPECT_EQ(others, 6);
+}
+
 TEST_F(DeviceSuite, APartIsEndedAtItsLimitAndSaysSo) {
   const auto run = measured({"--only", "solids", "--part-limit-s", "0.001"});
   EXPECT_EQ(run.code, 0) << run.output;

@@ -165,6 +165,7 @@ namespace {
 
 constexpr std::size_t kWidth = 8;  // a row of a spectrum is a multiple of it
 constexpr std::size_t kWarp = 32;
+constexpr std::size_t kOfRow = 6;  // products of an unknown that is eliminated: of the row below, of its own
 
 }  // namespace
 
@@ -187,7 +188,7 @@ LayeredPreconditioner<T>::LayeredPreconditioner(const Queue& queue, const SolidG
   const Defines defines{{"WIDTH", std::to_string(width)}};
   up_ = queue.kernel("layers", "layers_up", precision_of<T>, defines);
   down_ = queue.kernel("layers", "layers_down", precision_of<T>, defines);
-  range_ = {{fourier_.pitch() / width, grid.nz}, {queue.info().gpu ? kWarp : 1, 1}};
+  range_ = {{fourier_.pitch() / width, grid.nz}, {queue.info().gpu ? kWarp : 1, 1}, kOfRow * grid.layers()};
 }
 
 template <class T>

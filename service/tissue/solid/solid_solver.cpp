@@ -47,6 +47,11 @@ std::size_t chain_of(std::size_t parts, std::size_t items) {
   return items > 1 ? parts / (2 * items) + std::bit_width(items) : parts / 16 + 20;
 }
 
+// Of a matrix of so many rows by items, two products of a row at once.
+std::size_t chain_of_products(std::size_t rows, std::size_t items) {
+  return (rows + items - 1) / items * ((rows + 1) / 2);
+}
+
 // Of iteration k the turn before; -1: there is none.
 int turn_before(std::size_t k) {
   return k == 0 ? -1 : static_cast<int>((k - 1) % 2);
@@ -196,7 +201,8 @@ void SolidSolver<T>::move_layers(const Components& components, Array<T>& u) {
 
 template <class T>
 void SolidSolver<T>::sum_products(const Array<T>& a, const Array<T>& b, Array<T>& sums, std::size_t first) {
-  dot_({{chunks_}, {1}, chunk_}, a, b, sums, static_cast<int>(first), groups_, static_cast<int>(chunk_));
+  dot_({{chunks_ * group_}, {group_}, chunk_ / group_ + std::bit_width(group_)}, a, b, sums,
+       static_cast<int>(first), groups_, static_cast<int>(chunk_));
 }
 
 template <class T>
@@ -265,8 +271,9 @@ void SolidSolver<T>::begin_from_last(const Patch& patch, const Eigen::VectorXd& 
 template <class T>
 void SolidSolver<T>::project(const Patch& patch, const Array<T>& field, std::size_t k) {
   const std::size_t now = at(k), then = k == 0 ? now : at(k - 1);
-  project_({{static_cast<std::size_t>(patch.count)}, {1}, static_cast<std::size_t>(patch.count) / 4},
-           inverse_, unknowns_, field, q_, dq_, p_[then], p_[now], marks_, patch.count, turn_before(k));
+  const auto count = static_cast<std::size_t>(patch.count);
+  project_({{count}, {1}, chain_of_products(count, count)}, inverse_, unknowns_, field, q_, dq_, p_[then],
+           p_[now], marks_, patch.count, turn_before(k));
 }
 
 template <class T>
@@ -314,7 +321,7 @@ void SolidSolver<T>::precondition_joined(const Patch& patch, std::size_t k) {
   const Components components = surface ? patch.components : Components{0, 0};
   preconditioner_.eliminate(components);
   if (surface)
-    surface_step_({{items}, {items}, static_cast<std::size_t>(patch.count) / 2},
+    surface_step_({{items}, {items}, chain_of_products(static_cast<std::size_t>(patch.count), items)},
                   preconditioner_.surface_spectrum(), surface_, fourier.roots(), inverse_, unknowns_, slots_,
                   q_, dq_, p_[then], p_[now], marks_, static_cast<int>(components.first),
                   static_cast<int>(components.count), patch.count, earlier);
