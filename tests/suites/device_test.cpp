@@ -67,7 +67,7 @@ TEST_F(DeviceSuite, PartsAreKeptAndGoneOnWith) {
   EXPECT_NE(text("pages/device.md").find(all.at("device").at("name")), std::string::npos);
 }
 
-// As a GPU, at the sizes that the issue names: small ones hide what grows with them. A window's sweeps go
+// As a GPU, at true sizes: small ones hide what grows with them. A window's sweeps go
 // from column to column of nodes, one behind the other.
 TEST_F(DeviceSuite, ChainsAreShortAtTrueSizes) {
   constexpr int kMost = 1024, kOfAWindow = 4200;

@@ -338,6 +338,15 @@ double correlation_with_common(double length_m, double own, double common) {
   return -kFeltM / std::log(std::min(share, kMax));
 }
 
+void no_background(double spread, double noise, ModulusEstimate& out) {
+  constexpr double kDeviationOfHalf = 1.48, kMaxSpread = kDeviationOfHalf * 0.6931;
+  if (spread > std::hypot(kMaxSpread, noise))
+    out.warn(ModulusFlag::kMisfit,
+             "the modulus does not settle, and half of it came to lie beyond a factor of {:.1f} about its "
+             "middle: no tissue explains the strain; the face may touch in part; press it flat",
+             std::exp(spread / kDeviationOfHalf));
+}
+
 void judge(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
   out.common_deviation = common_deviation(in, strips, out);
   const OwnDeviation own = deviation(in, out);

@@ -10,6 +10,10 @@ namespace teletact::service {
 // correlates as it does at the distance that a fingertip feels with this length in m.
 double correlation_with_common(double length_m, double own, double common);
 
+// Warns that no tissue explains the strain (kMisfit) where ln E that has not settled has no background: half
+// of it lies beyond a factor of two, `spread` being its deviation by that half, and more than `noise` brings.
+void no_background(double spread, double noise, ModulusEstimate& out);
+
 // Adds to `out`, whatever the method: log_deviation (the method's posterior, else the noise of the axial
 // strain and a floor; what a jump of the modulus is smeared over and what is lost of its contrast), the
 // length that it correlates over, and the flags kUntracked, kRamp, kOutOfPlane, kPressure, kScale, kExtent

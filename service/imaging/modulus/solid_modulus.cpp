@@ -9,6 +9,7 @@
 
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/cell_strains.h"
+#include "service/imaging/modulus/denoiser.h"
 #include "service/imaging/modulus/fixed_point.h"
 #include "service/imaging/modulus/judge.h"
 #include "service/imaging/modulus/modulus.h"
@@ -18,8 +19,6 @@
 #include "service/imaging/modulus/robust_fit.h"
 #include "service/imaging/modulus/seed.h"
 #include "service/imaging/modulus/skin.h"
-#include "service/imaging/modulus/sparse_factor.h"
-#include "service/imaging/modulus/total_variation.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -46,54 +45,6 @@ constexpr double kUnsettledLog = 0.5;        // of the last step, where the time
 // ln E about the background: stiffer tissue hardly strains, so that how stiff it is nobody knows. As long
 // as it bears little of the force, that does not matter.
 constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
-// Deviation of ln E over the cells, from the half of them that is nearest to their middle: where half are
-// beyond a factor of two there is no background.
-constexpr double kDeviationOfHalf = 1.48, kMaxSpread = kDeviationOfHalf * 0.6931;
-
-TissueGrid mesh_of(const CellGrid& cells) {
-  TissueGrid grid;
-  for (std::size_t i = 0; i <= cells.columns; ++i)
-    grid.x_m.push_back(cells.first_x_m + cells.spacing_m * (static_cast<double>(i) - 0.5));
-  for (std::size_t j = 0; j <= cells.rows; ++j) grid.y_m.push_back(cells.row_m * static_cast<double>(j));
-  return grid;
-}
-
-// The least of |W^(1/2) (v - observed)|^2 / 2 + alpha TV(v) (T3.6), W the weights of the cells.
-class Denoiser {
- public:
-  explicit Denoiser(const CellGrid& cells)
-      : grid_(mesh_of(cells)), variation_(grid_), order_(nested_dissection(cells.columns, cells.rows)) {}
-  // From `v` on, by lagged diffusivity.
-  VectorXd operator()(const VectorXd& observed, const VectorXd& weight, VectorXd v) {
-    for (int step = 0; step < kLagged; ++step) {
-      factorize(weight, v);
-      v = factor_.solve(weight.cwiseProduct(observed));
-    }
-    return v;
-  }
-  // Standard deviation about v.
-  VectorXd deviation(const VectorXd& weight, const VectorXd& v) {
-    factorize(weight, v);
-    return factor_.inverse_diagonal().cwiseMax(0).cwiseSqrt();
-  }
-
- private:
-  static constexpr int kLagged = 5;
-  // Of ln E, steeper than texture: a lump of 10 mm loses 0.06 of ln 3 to plain total variation.
-  static constexpr double kEdgePerM = 100;
-  static constexpr double kMinWeight = 1e-6;  // so that a map of nothing has an answer
-  void factorize(const VectorXd& weight, const VectorXd& v) {
-    check_cancelled();
-    Eigen::SparseMatrix<double> matrix = kTvPerM * variation_.lagged(v, kEdgePerM);
-    matrix.diagonal() += (weight.array() + kMinWeight).matrix();
-    if (!factor_.analyzed()) factor_.analyze(matrix, order_);
-    if (!factor_.factorize(matrix)) throw std::domain_error("the modulus of the cells is not determined");
-  }
-  TissueGrid grid_;
-  TotalVariation variation_;
-  std::vector<int> order_;
-  SparseFactor factor_;
-};
 
 class SolidModulusMethod : public ModulusMethod {
  public:
@@ -159,7 +110,7 @@ class SolidModulusMethod : public ModulusMethod {
   // Of usual tissue one in eight windows has not settled after the usual steps; where there are solves for
   // more it goes on, no longer hastened: where strain hardly follows the modulus a mix of steps swings (one
   // window settled in 21, hastened in 40).
-  static constexpr int kUsualSteps = 12, kMaxSteps = 24, kForcePushes = 2;
+  static constexpr int kUsualSteps = 12, kMaxSteps = 24, kForcePushes = 3;
   static constexpr int kPushesPerSolve = 2;  // of those that begin at the last one's solution
   static int solves_of(int pushes) { return 1 + pushes / kPushesPerSolve; }
   // Rms change of log E over the cells: what ends the steps, and what is settled where they run out.
@@ -170,6 +121,18 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd own_deviation;            // of it: what is known cell by cell,
     std::vector<VectorXd> modes = {};  // and its change by one deviation of each cause that many share
     double force_n = 0;
+  };
+
+  // Of the maps that were solved. Where strain hardly follows the modulus the steps do not settle: they lead
+  // past it.
+  struct Likeliest {
+    double cost = HUGE_VAL, tilt = 0;
+    VectorXd log_modulus, moved;
+    bool passed = false;
+    void see(double its_cost, const VectorXd& map, double its_tilt, const VectorXd& step) {
+      passed = !(its_cost < cost);
+      if (!passed) cost = its_cost, log_modulus = map, tilt = its_tilt, moved = step;
+    }
   };
 
   static ProbedTissue::Response pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
@@ -197,8 +160,8 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd& theta = found.log_modulus;
     double tilt = 0, tilt_deviation = 0, spread = 0;
     FixedPoint hastened;
-    VectorXd observed = weight, moved = VectorXd::Zero(size), solved = theta;
-    double solved_tilt = 0;
+    VectorXd observed = weight, moved = VectorXd::Zero(size);
+    Likeliest likeliest;
     bool too_uneven = false;
     out.converged = false;
     while (out.iterations < steps) {
@@ -210,10 +173,9 @@ class SolidModulusMethod : public ModulusMethod {
         response = pushed(fit, theta, tilt, first ? ProbedTissue::Planes{} : beside, differs_little);
       } catch (const std::invalid_argument&) {  // a map of noise may be
         if (first) throw;
-        theta = solved, tilt = solved_tilt, too_uneven = true, out.converged = false;
+        too_uneven = true;
         break;
       }
-      solved = theta, solved_tilt = tilt;
       const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
       VectorXd residual = VectorXd::Zero(size);
       observed = weight;
@@ -232,9 +194,9 @@ class SolidModulusMethod : public ModulusMethod {
       tilt = std::clamp(tilt + at.at[0], -kMaxTilt, kMaxTilt);
       tilt_deviation = std::sqrt(at.covariance(0, 0));
       residual += (tilt - before) * fit.by_tilt;
-      const double level = level_of(residual, observed);
+      residual.array() -= level_of(residual, observed);
       const VectorXd pseudo =  // log E + 1.4 (log S eps[E] - log eps), T3.6
-          (theta + kOverstep * (residual.array() - level).matrix()).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
+          (theta + kOverstep * residual).cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
       // Unobserved cells begin at the background.
       const VectorXd start =
           out.iterations == 0 ? VectorXd((observed.array() > 0).select(pseudo, 0.0)) : theta;
@@ -243,21 +205,28 @@ class SolidModulusMethod : public ModulusMethod {
       moved = denoised - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       if (out.iterations < kUsualSteps) denoised = hastened.next(theta, denoised);
+      likeliest.see(denoise.cost(residual, observed, theta), theta, before, moved);
       theta = denoised.cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
       ++out.iterations;
       out.converged = change < kConvergedStep;
       if (change < (out.iterations < kUsualSteps ? kLastStep : kConvergedStep)) break;
     }
+    const auto to_likeliest = [&] {
+      theta = likeliest.log_modulus, tilt = likeliest.tilt, moved = likeliest.moved, out.converged = false;
+    };
+    if (too_uneven) to_likeliest();
+    // What the last map looks like warns; the likeliest is published.
+    const bool passed = !out.converged && !too_uneven && likeliest.passed;
     int pushes = out.iterations;
     const auto force_of = [&](const VectorXd& map) {
       ++pushes;
       return force_with(fit, map, tilt, observed, beside);
     };
     bool stiff = theta.maxCoeff() > kStiffLog;
-    if (in.force || stiff) try {
+    if ((in.force && !passed) || stiff) try {
         found.force_n = force_of(theta);
       } catch (const std::invalid_argument&) {
-        theta = solved, tilt = solved_tilt, too_uneven = true, out.converged = false;
+        to_likeliest(), too_uneven = true;
         found.force_n = force_of(theta);
         stiff = theta.maxCoeff() > kStiffLog;
       }
@@ -267,11 +236,8 @@ class SolidModulusMethod : public ModulusMethod {
                too_uneven          ? ": the next is too uneven to be solved"
                : steps < kMaxSteps ? fmt::format(": there was no time for more ({})", in.budget.why_solves)
                                    : ", the most");
-    if (!out.converged && out.iterations == kMaxSteps && spread > kMaxSpread)
-      out.warn(ModulusFlag::kMisfit,
-               "half of the modulus lies beyond a factor of {:.1f} about its middle and does not settle: no "
-               "tissue explains the strain; the face may touch in part; press it flat",
-               std::exp(spread / kDeviationOfHalf));
+    if (!out.converged && out.iterations == kMaxSteps)
+      no_background(spread, level_of(fit.measured.deviation, fit.measured.observed), out);
     if (std::abs(tilt) > kMaxUneven)
       out.warn(ModulusFlag::kMisfit,
                "the face pushes {:.0f} % less at the window's {} end than at its middle: it seems to touch "
@@ -287,6 +253,10 @@ class SolidModulusMethod : public ModulusMethod {
             found.force_n / without_n,
             100 * static_cast<double>((theta.array() > kStiffLog).count()) /
                 static_cast<double>(theta.size()));
+    }
+    if (passed) {
+      to_likeliest();
+      if (in.force) found.force_n = force_of(theta);
     }
     out.solves += solves_of(pushes);
     found.own_deviation = denoise.deviation(observed, theta);

@@ -38,10 +38,14 @@ TotalVariation::Gradient TotalVariation::gradient(const Eigen::VectorXd& v, std:
   return g;
 }
 
-double TotalVariation::value(const Eigen::VectorXd& v) const {
+double TotalVariation::value(const Eigen::VectorXd& v, double edge_per_m) const {
+  const auto cost = [&](double size) {
+    return std::isfinite(edge_per_m) ? edge_per_m * std::log1p(size / edge_per_m) : size;
+  };
   double sum = 0;
   for (std::size_t j = 0; j < ny_; ++j)
-    for (std::size_t i = 0; i < nx_; ++i) sum += area(i, j) * (gradient(v, i, j).size - kTvFloorPerM);
+    for (std::size_t i = 0; i < nx_; ++i)
+      sum += area(i, j) * (cost(gradient(v, i, j).size) - cost(kTvFloorPerM));
   return sum;
 }
 

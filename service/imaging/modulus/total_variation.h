@@ -19,7 +19,8 @@ inline constexpr double kTvFloorPerM = 50;  // gradient below which the variatio
 class TotalVariation {
  public:
   explicit TotalVariation(const TissueGrid&);
-  double value(const Eigen::VectorXd& v) const;  // less that of a constant
+  // Less that of a constant.
+  double value(const Eigen::VectorXd& v, double edge_per_m = std::numeric_limits<double>::infinity()) const;
   Eigen::SparseMatrix<double> lagged(const Eigen::VectorXd& v,
                                      double edge_per_m = std::numeric_limits<double>::infinity()) const;
 

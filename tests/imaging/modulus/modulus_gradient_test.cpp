@@ -129,6 +129,11 @@ TEST_P(Gradient, OfTheVariationIsThatOfTheReference) {
   for (const VectorXd& along : directions(model)) {
     const double want = slope([&](double h) { return plain.variation(theta + h * along); }, 1e-4);
     EXPECT_NEAR(gradient.dot(along), want, kTolerance * std::abs(want));
+    constexpr double kEdgePerM = 30;
+    const double of_edges =
+        slope([&](double h) { return variation.value(theta + h * along, kEdgePerM); }, 1e-4);
+    EXPECT_NEAR((variation.lagged(theta, kEdgePerM) * theta).dot(along), of_edges,
+                kTolerance * std::abs(of_edges));
   }
 }
 

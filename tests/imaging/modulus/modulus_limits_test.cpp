@@ -49,6 +49,21 @@ TEST_P(Limits, WhatIsNotRecoveredIsNotClaimed) {
   }
 }
 
+// Of a map that does not settle: a factor of two in half of it is no tissue's, unless noise brings as much.
+TEST(NoBackground, IsSaidBeyondAFactorOfTwoAndWhatNoiseBrings) {
+  const auto said = [](double factor, double noise) {
+    ModulusEstimate e;
+    no_background(1.48 * std::log(factor), noise, e);
+    EXPECT_TRUE(e.warnings.empty() || e.warnings[0].flag == ModulusFlag::kMisfit);
+    return !e.warnings.empty();
+  };
+  EXPECT_FALSE(said(1.95, 0));
+  EXPECT_TRUE(said(2.05, 0));
+  EXPECT_FALSE(said(2.05, 0.4)) << "the noise adds to it";
+  EXPECT_FALSE(said(2.9, 1.2));
+  EXPECT_TRUE(said(3.1, 1.2)) << "in squares";
+}
+
 INSTANTIATE_TEST_SUITE_P(Methods, Limits, ::testing::Values(ModulusKind::kDirect, ModulusKind::kIterative));
 
 }  // namespace

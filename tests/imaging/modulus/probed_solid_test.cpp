@@ -305,5 +305,25 @@ TEST(ProbeFit, WhatNothingExplainsIsAMisfit) {
   EXPECT_TRUE(warned(e, ModulusFlag::kMisfit)) << e.model;
 }
 
+// Columns that strain differently from top to bottom, by 5 %: no modulus explains them, and steps that go on
+// trying lead ever farther away, to 0.86 after 24.
+TEST(ProbeFit, WhereStepsDoNotSettleTheLikeliestMapIsKept) {
+  const auto truth = [](double x, double y) {
+    return 0.7 * (0.5 - y / kDepthM) + (std::hypot(x - 0.012, y - 0.011) < 0.004 ? 1.7 : 0);
+  };
+  const Pressed pressed(
+      face(), [](double x, double) { return 1 + 0.05 * std::sin(x / 3e-3); }, truth);
+  const ModulusEstimate e = pressed.estimate();
+  const ImageGrid& grid = pressed.measured.grid;
+  const double level = background(e, pressed.measured);
+  double squares = 0, count = 0;
+  for (std::size_t n = 0; n < grid.size(); ++n)
+    if (grid.y_m(n) > 0.003 && std::isfinite(e.youngs_modulus[n]))
+      squares += std::pow(std::log(e.youngs_modulus[n] / level) - truth(grid.x_m(n), grid.y_m(n)), 2),
+          ++count;
+  EXPECT_TRUE(warned(e, ModulusFlag::kDeadline));
+  EXPECT_LE(std::sqrt(squares / count), 0.45);
+}
+
 }  // namespace
 }  // namespace teletact::service
