@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 // Larger tables are for pictures and programs. They stay in the JSON, and so do these keys.
 constexpr std::size_t kMaxRows = 24, kMaxColumns = 10;
-constexpr const char* kForPrograms[] = {"lifts", "processor_s", "product", "seconds"};
+constexpr const char* kForPrograms[] = {"all", "lifts", "processor_s", "product", "seconds"};
 // Columns that tell rows apart come first.
 constexpr const char* kNamingKeys[] = {"row",   "name",   "stage",     "group",
                                        "model", "kernel", "precision", "pairs_of"};

@@ -155,6 +155,49 @@ bool is_there(const json& result) {
   return ended == "complete" || ended.starts_with("stopped");
 }
 
+// What a page has room for: a row for each stage, on a processor with a GPU's ways beside its own; kernels
+// that take at least a third of a stage; of the references the one that is nearest to its bound.
+json in_short(const json& all) {
+  constexpr double kMuch = 1.0 / 3;
+  json page = json::object(), references = all.value("references", json::array());
+  for (const auto& [table, rows] : all.items()) {
+    if (table.ends_with("_stages"))
+      for (const json& row : rows) {
+        const bool gpu = row.at("a_gpu_modelled_ms").is_number();
+        json& stages = page["stages"];
+        if (row.at("ms").is_number() || !gpu)
+          stages.push_back({{"stage", row.at("stage")}, {"ms", row.at("ms")}});
+        const auto put = [&](const char* key, const char* from) { stages.back()[key] = row.at(from); };
+        if (!gpu)
+          put("launches", "launches"), put("waits", "waits");
+        else
+          put("a_gpus_launches", "launches"), put("a_gpus_waits", "waits"),
+              put("a_gpus_chain", "longest_chain"), put("a_gpu_modelled_ms", "a_gpu_modelled_ms");
+      }
+    if (table.ends_with("_kernels")) {
+      std::map<std::string, double> ms;
+      for (const json& row : rows) ms[row.at("stage")] += row.at("ms").get<double>();
+      for (const json& row : rows)
+        if (row.at("ms").get<double>() >= kMuch * ms[row.at("stage")])
+          page["kernels"].push_back({{"stage", row.at("stage")},
+                                     {"kernel", row.at("kernel")},
+                                     {"share", row.at("ms").get<double>() / ms[row.at("stage")]},
+                                     {"bound", row.at("bound")},
+                                     {"of_limit", row.at("of_limit")}});
+    }
+    if (table == kLimits) page[table] = rows.at(0);
+    if (table == "windows") page[table] = rows;
+  }
+  const auto nearness = [](const json& row) {
+    return row.at("off").get<double>() / row.at("bound").get<double>();
+  };
+  const auto nearest =
+      std::max_element(references.begin(), references.end(),
+                       [&](const json& a, const json& b) { return nearness(a) < nearness(b); });
+  if (nearest != references.end()) page["reference_nearest_to_its_bound"] = *nearest;
+  return page;
+}
+
 bool run_device(const Arguments& of) {
   if (!of.part.empty()) return run_part(of);
   fs::create_directories(of.out);
@@ -171,7 +214,7 @@ bool run_device(const Arguments& of) {
                        " is there: go on with --resume, write over it with --force, or choose another --out");
     fs::remove(file_of(of, name));
   }
-  json figures = json::object();
+  json figures = json::object(), all = json::object();
   double failed = 0, off = 0;
   for (const auto& [name, measure] : parts()) {
     json result = read(file_of(of, name));
@@ -183,14 +226,17 @@ bool run_device(const Arguments& of) {
     if (result.value("ended", "not") != "complete") failed += name == "references" || !is_there(result);
     if (result.contains("of"))
       for (const auto& [key, value] : result["of"].items()) figures[key] = value;
-    figures["parts"].push_back({{"name", name}, {"ended", result.value("ended", "not")}});
+    if (const std::string ended = result.value("ended", "not"); ended != "complete")
+      figures["parts"].push_back({{"name", name}, {"ended", ended}});
     for (const auto& [table, rows] : result.items())
-      if (rows.is_array()) figures[table == name ? name : name + "_" + table] = rows;
+      if (rows.is_array()) all[table == name ? name : name + "_" + table] = rows;
     for (const json& row : result.value("references", json::array())) off += !row.at("met").get<bool>();
   }
-  SuiteOptions all = of;
-  all.json = fs::path(of.out) / "device.json";
-  return finish("device", figures, {{"failed_parts", failed, 0}, {"references_missed", off, 0}}, all);
+  figures.update(in_short(all));
+  figures["all"] = all;
+  SuiteOptions written = of;
+  written.json = fs::path(of.out) / "device.json";
+  return finish("device", figures, {{"failed_parts", failed, 0}, {"references_missed", off, 0}}, written);
 }
 
 }  // namespace
