@@ -214,6 +214,8 @@ real step_of(Lane* lane, const real curvature, const real work) {
 void end(Lane* lane, const real rr) {
   if (lane->state != RUNNING) return;
   lane->rr = rr;
+  lane->estimate = INFINITY;
+  lane->scale = lane->initial + 2 * lane->work - lane->decrease;
   if (!isfinite(rr)) lane->state = NOT_FINITE;
 }
 

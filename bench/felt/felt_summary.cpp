@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/curves.h"
-#include "bench/suite.h"
 #include "bench/felt/found_lumps.h"
 #include "bench/felt/patient_truth.h"
+#include "bench/suite.h"
 #include "client/acquire/solid_source.h"
 
 namespace teletact::bench {

@@ -236,7 +236,7 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     return teletact::bench::run(options) ? 0 : teletact::bench::kPromisesMissed;
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    return app.exit(error) == 0 ? 0 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "teletact-felt: %s\n", error.what());
     return 1;

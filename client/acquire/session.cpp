@@ -161,9 +161,8 @@ v1::SlicePose AcquireSession::pose_of(std::size_t window) const {
 }
 
 bool AcquireSession::has_room() {
-  if (options_.slices) return idle();
   const std::lock_guard lock(mutex_);
-  return queue_.size() < kMaxQueuedUploads;
+  return options_.slices ? queue_.empty() && !uploading_ && !correcting_ : queue_.size() < kMaxQueuedUploads;
 }
 
 void AcquireSession::upload_loop() {

@@ -49,8 +49,9 @@ const std::vector<Uncertain>& uncertain() {
       {"sound_speed_std_m_s", false, "of the speed of sound (default: 1.5 % of it)"},
       {"preload_m", false, "by how much the probe was pressed in before the pre frame (default: 0)"},
       {"preload_std_m", false, "of --preload-m (default: 0)"},
-      {"capsule_thickness_m", false, "of --surface capsule, at most 3 mm"},
-      {"capsule_ratio", false, "its modulus over that of the tissue below"},
+      {"capsule_thickness_m", false, "of --surface capsule, 0.01 to 3 mm; without it that is refused"},
+      {"capsule_ratio", false,
+       "of --surface capsule: its modulus over that of the tissue below; without it that is refused"},
       {"capsule_thickness_std_m", false, "of --capsule-thickness-m (default: 25 % of it)"},
       {"capsule_ratio_std", false, "of --capsule-ratio (default: 30 % of it)"}};
   return all;
@@ -61,6 +62,11 @@ const std::vector<Uncertain>& uncertain() {
 void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
   command.option_defaults()->group("How uncertain that is");
   const bool relative = command.get_option_no_throw("--force-n") != nullptr;
+  add_named(
+      command, "--surface", [&stated](v1::SurfaceKind kind) { stated.set_surface(kind); }, surface_kinds(),
+      "its topmost 3 mm: unknown, but alike along the face; bare: as what is below; a capsule; uneven: it "
+      "changes within 5 mm (default: unknown)")
+      ->group(kSurface);
   for (const Uncertain& u : uncertain()) {
     std::string flag = "--" + u.field;
     std::ranges::replace(flag, '_', '-');
@@ -72,17 +78,11 @@ void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
     CLI::Option* option = command.add_option_function<double>(flag, set, u.help);
     if (u.field != "force_zero_n") option->check(above_zero());
     if (u.field.starts_with("capsule_"))
-      option->group(kSurface);
+      option->group(kSurface)->needs("--surface");
     else if (u.field.find("_std") == std::string::npos)
       option->group("Force sensor and preload");
     if (u.of_force && relative) option->needs("--force-n");
   }
-  add_named(
-      command, "--surface", [&stated](v1::SurfaceKind kind) { stated.set_surface(kind); }, surface_kinds(),
-      "its topmost 3 mm: unknown, but alike along the face; bare: as what is below; a capsule; uneven: "
-      "changing "
-      "within 5 mm (default: unknown)")
-      ->group(kSurface);
 }
 
 void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::string& usual) {

@@ -15,8 +15,8 @@ void add_plane_option(CLI::App& command, v1::PlaneCondition& plane, const std::s
 void add_modulus_options(CLI::App& command, v1::ModulusMethod& method, double& time_limit_s);
 
 // How uncertain what is stated of a pair is, each --NAME-std-UNIT, and what of its sensor and its preload is
-// not stated elsewhere; and the surface: groups of their own. What is given is set in `stated`, under its name in the
-// contract.
+// not stated elsewhere; and the surface: groups of their own. What is given is set in `stated`, under its
+// name in the contract.
 void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated);
 
 }  // namespace teletact::client

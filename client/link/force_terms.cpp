@@ -17,7 +17,7 @@ constexpr TermWords kTermWords[] = {
     {Error::TERM_MESH, "the nodes' spacing", "make a scene of finer nodes"},
     {Error::TERM_FINITE_STRAIN, "the linear model", "press less deep"},
     {Error::TERM_MODULUS, "the modulus",
-     "press the probe further, and state the tissue's size and its surface"},
+     "press the probe further, and state the tissue's size, of a solid its surface, too"},
     {Error::TERM_SLICES, "tissue between the slices", "image one more at the finger"},
     {Error::TERM_MODEL, "the closed form", "use --path gradients"},
     {Error::TERM_DIMENSION, "the plane that stands for a solid", "make a solid scene"},

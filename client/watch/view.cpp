@@ -159,7 +159,8 @@ void View::take_answer(const v1::TouchAnswer& answer) {
     add_terms(answer.budget(), terms);
     if (const auto largest = largest_term(terms))
       answer_["largest_term"] =
-          fmt::format("{}, {:.0f} %: {}", largest->what, 100 * largest->by, largest->remedy);
+          fmt::format("{}, without which it would be {:.0f} % of the force narrower: {}", largest->what,
+                      100 * largest->by, largest->remedy);
   }
   if (!answer.has_tactile()) return;
   const auto image = tactile_from(answer.tactile());

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "service/base/choices.h"
 #include "service/imaging/modulus/skin.h"
@@ -195,11 +196,14 @@ void settle_surface(Surface& surface, bool solid) {
         "acquisition.surface: of solid tissue alone; give plane = SOLID without another modulus_method, or "
         "leave it out");
   if (surface.kind != Surface::Kind::kCapsule) {
-    if (surface.thickness_m != 0 || surface.ratio != 0 || surface.thickness_std_m != 0 ||
-        surface.ratio_std != 0)
-      throw std::invalid_argument(
-          "acquisition.capsule_thickness_m, capsule_ratio: stated, but surface is not CAPSULE; give it, or "
-          "leave them out");
+    for (const auto& [field, value] :
+         {std::pair("capsule_thickness_m", surface.thickness_m), std::pair("capsule_ratio", surface.ratio),
+          std::pair("capsule_thickness_std_m", surface.thickness_std_m),
+          std::pair("capsule_ratio_std", surface.ratio_std)})
+      if (value != 0)
+        throw std::invalid_argument(fmt::format(
+            "acquisition.{}: {}, but surface is not CAPSULE; give surface = CAPSULE, or leave it out", field,
+            value));
     return;
   }
   require_between("acquisition.capsule_thickness_m", surface.thickness_m, kMinThicknessM, kMaxThicknessM,

@@ -36,11 +36,11 @@ struct TouchAnswer {
   std::chrono::steady_clock::time_point taken_in{};  // as the window's
   Region covered;
   std::string warning;
-  std::vector<std::string> window_flags;  // names of what makes the window doubtful
-  std::optional<FeltDeviation> log_deviation;    // of ln E where it touches (slices.h), where that is known
-  std::optional<ForeseenTouch> foreseen;  // only out of contact, where it can be told and trusted
-  std::optional<SliceWish> wish;          // here, in contact or above
-  bool device_failed = false;             // why it is kFailed: warning says how
+  std::vector<std::string> window_flags;       // names of what makes the window doubtful
+  std::optional<FeltDeviation> log_deviation;  // of ln E where it touches (slices.h), where that is known
+  std::optional<ForeseenTouch> foreseen;       // only out of contact, where it can be told and trusted
+  std::optional<SliceWish> wish;               // here, in contact or above
+  bool device_failed = false;                  // why it is kFailed: warning says how
 };
 
 // Whether what is being corrected is trusted until it is.

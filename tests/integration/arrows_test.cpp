@@ -140,8 +140,9 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
       {"bench/stability", {}},
       {"bench/phantoms", {"bench/peers", "bench/basics"}},
       {"bench/fuzz", {"bench/stability"}},
+      {"bench/felt", {"bench", "bench/basics"}},
       {"suite",
-       {"bench", "bench/basics", "bench/fuzz", "bench/independent", "bench/load", "bench/peers",
+       {"bench", "bench/basics", "bench/felt", "bench/fuzz", "bench/independent", "bench/load", "bench/peers",
         "bench/phantoms", "bench/stability"}}};
   std::set<std::string> suites;
   for (const Include& i : includes_of("bench")) {

@@ -94,10 +94,9 @@ TEST(SlicesFromRf, MakeASolidThatGrowsAndIsFelt) {
   EXPECT_EQ(summary["link"]["not_covered"], 0);
   EXPECT_GT(summary["largest_force_n"], 0.02);
   const test::Outcome judged =
-      test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-felt",
-                 "--touch-record", folder / "touch.record", "--tissue", folder / "t.toml", "--modulus",
-                 folder / "m.mha", "--acquire-record", folder / "acquire.record", "--poses", "2", "--out",
-                 folder / "out"},
+      test::run({test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-felt", "--touch-record",
+                 folder / "touch.record", "--tissue", folder / "t.toml", "--modulus", folder / "m.mha",
+                 "--acquire-record", folder / "acquire.record", "--poses", "2", "--out", folder / "out"},
                 folder / "felt.log", {}, 300);
   const nlohmann::json report =
       nlohmann::json::parse(std::ifstream(folder / "out/summary.json"), nullptr, false);

@@ -256,8 +256,8 @@ TEST_F(SolidTouch, OfTheSimulatedPatientIsHeldAgainstItsOwnTissue) {
   ASSERT_EQ(touch.code, 0) << touch.output;
   const auto felt = [&](const std::string& seed, nlohmann::json& summary) {
     const test::Outcome outcome = test::run(
-        {test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-felt",
-         "--touch-record", folder / "touch.record", "--seed", seed, "--poses", "4", "--out", folder / seed},
+        {test::required_environment("TELETACT_BINARY_DIR") + "/bench/teletact-felt", "--touch-record",
+         folder / "touch.record", "--seed", seed, "--poses", "4", "--out", folder / seed},
         folder / "felt.log", {}, 300);
     std::ifstream file(folder / (seed + "/summary.json"));
     summary = nlohmann::json::parse(file, nullptr, false);

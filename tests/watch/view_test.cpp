@@ -164,14 +164,15 @@ TEST(View, AnAnswerWithoutAnIntervalIsDrawnWithNone) {
       error.set_term(v1::ForceError::TERM_MODULUS), error.set_relative(*half_width / 1.96);
     }
     view.take(answer);
-    view.take(tick_at(time_ns += 10'000'000));
+    view.take(tick_at(time_ns += 1'000'000'000));
     view.complete_row();
     return last_of(view, "half_width");
   };
   EXPECT_EQ(drawn(0.25), 0.25F);
   EXPECT_EQ(last_of(view, "above"), 0.5F);
   const std::string largest = newest(view, Channel::kStatus)["answer"]["largest_term"];
-  EXPECT_EQ(largest.find("the modulus, 25 %: "), 0U) << largest;
+  EXPECT_EQ(largest.find("the modulus, without which it would be 25 % of the force narrower: "), 0U)
+      << largest;
   EXPECT_TRUE(std::isnan(drawn({})));
 }
 

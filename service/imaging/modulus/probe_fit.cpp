@@ -157,7 +157,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   const double shown_m = measured.grid.y_m(measured.grid.size() - 1) + measured.grid.dy_m / 2 - top_m,
                image_m = in.tissue.depth_stated ? std::min(shown_m, depth_m) : shown_m;
   TissueWindow w{in.tissue.beside_m, in.tissue.beside_std_m, elevation_known(in.tissue, elevation_m),
-                 depth_known(in.tissue, depth_m, image_m), skin_known(in.tissue.surface)};
+                 depth_known(in.tissue, depth_m, image_m)};
   if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
   const auto usual = [&](const TissueWindow& of) {
     return ProbeFace{in.window_width_m, std::exp(of.elevation.log), std::exp(of.depth.log), image_m,
@@ -176,6 +176,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   w.as_stated = !all;
   const FineAnswer& fine = weigher_.fine(usual(w), all);
   w.finer = fine.finer;
+  w.skin = skin_known(in.tissue.surface, cells_under(usual(w), kFineCellM).row_m);
   if (all) w.by_skin = *fine.skin;
   std::vector<WeighedTissues> starts{weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
   bool untried = !all;

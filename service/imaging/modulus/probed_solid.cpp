@@ -88,6 +88,8 @@ double spacing(double length_m, std::size_t nodes) {
   return length_m / (static_cast<double>(nodes - 1) + kBeyond);
 }
 
+}  // namespace
+
 CellGrid cells_under(const ProbeFace& face, double cell_m) {
   require_above_zero(face.image_depth_m, "image_depth_m");
   require_above_zero(face.depth_m, "depth_m");
@@ -100,6 +102,8 @@ CellGrid cells_under(const ProbeFace& face, double cell_m) {
   cells.row_m = image_m / static_cast<double>(cells.rows);
   return cells;
 }
+
+namespace {
 
 // Nodes of the face across the plane.
 std::size_t nodes_across(const ProbeFace& face, double cell_m) {

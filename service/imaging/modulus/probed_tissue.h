@@ -79,6 +79,8 @@ class ProbedTissue {
 // Side of the cells, about: of the model in which a modulus is found, and of those that tell tissues apart.
 inline constexpr double kFineCellM = 1e-3, kCoarseCellM = 2e-3;
 
+// Of a solid under this face. Throws std::invalid_argument for a face without a size.
+CellGrid cells_under(const ProbeFace&, double cell_m);
 // T8's finite elements: what lies beyond a solid's end gives way, and so does a thin layer below one that
 // slides. Where `last` is on the same mesh it shares its solver. Throws std::invalid_argument naming what is
 // unusable, DeviceError.

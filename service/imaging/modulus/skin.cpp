@@ -18,8 +18,8 @@ constexpr double kBareLog = 0.07;  // of all alike, and of each layer
 
 // ln E of a layer, part of which is a capsule, over that of what is below: mean of the two bounds, and half
 // of their distance.
-std::array<double, 2> capsule_log(const Surface& capsule, std::size_t layer) {
-  const double part = std::clamp(capsule.thickness_m / kFineCellM - static_cast<double>(layer), 0.0, 1.0);
+std::array<double, 2> capsule_log(const Surface& capsule, std::size_t layer, double row_m) {
+  const double part = std::clamp(capsule.thickness_m / row_m - static_cast<double>(layer), 0.0, 1.0);
   const double voigt = std::log(1 - part + part * capsule.ratio),
                reuss = -std::log(1 - part + part / capsule.ratio);
   return {(voigt + reuss) / 2, (voigt - reuss) / 2};
@@ -27,18 +27,25 @@ std::array<double, 2> capsule_log(const Surface& capsule, std::size_t layer) {
 
 }  // namespace
 
-SkinPrior skin_known(const Surface& surface) {
+SkinPrior skin_known(const Surface& surface, double row_m) {
+  constexpr double kLeast = 0.05;  // of thickness and ratio: no capsule is thinner or softer by far
   SkinPrior out;
   if (surface.kind == Surface::Kind::kUnknown || surface.kind == Surface::Kind::kUneven) return out;
   out.deviation.fill(kBareLog);
   if (surface.kind == Surface::Kind::kBare) return out;
-  Surface thicker = surface, stiffer = surface;
-  thicker.thickness_m += surface.thickness_std_m, stiffer.ratio += surface.ratio_std;
   for (std::size_t k = 1; k < kSkinChanges; ++k) {
-    const auto [mean, apart] = capsule_log(surface, k - 1);
+    const auto [mean, apart] = capsule_log(surface, k - 1, row_m);
+    // The larger of what one deviation more and one less make of it.
+    const auto by = [&, mean = mean](double Surface::*what, double deviation) {
+      Surface more = surface, less = surface;
+      more.*what += deviation, less.*what = std::max(kLeast * surface.*what, surface.*what - deviation);
+      return std::max(std::abs(capsule_log(more, k - 1, row_m)[0] - mean),
+                      std::abs(capsule_log(less, k - 1, row_m)[0] - mean));
+    };
     out.mean[k] = mean;
-    out.deviation[k] = std::hypot(kBareLog, std::hypot(apart, capsule_log(thicker, k - 1)[0] - mean,
-                                                       capsule_log(stiffer, k - 1)[0] - mean));
+    out.deviation[k] =
+        std::hypot(kBareLog, std::hypot(apart, by(&Surface::thickness_m, surface.thickness_std_m),
+                                        by(&Surface::ratio, surface.ratio_std)));
   }
   return out;
 }

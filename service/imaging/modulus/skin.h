@@ -22,9 +22,10 @@ struct SkinPrior {
   // Skin of which nothing is said: each layer within a factor of two, half of which (as variance) is alike.
   std::array<double, kSkinChanges> mean{}, deviation{0.49, 0.49, 0.49, 0.49};
 };
-// Of what is stated. A capsule that fills a layer in part counts as the mean (Hill 1952, doi
-// 10.1088/0370-1298/65/5/307) of the bounds by Voigt and Reuss, with half of their distance as a deviation.
-SkinPrior skin_known(const Surface&);
+// Of what is stated, in layers of row_m. A capsule that fills a layer in part counts as the mean (Hill 1952,
+// doi 10.1088/0370-1298/65/5/307) of the bounds by Voigt and Reuss, with half of their distance as a
+// deviation.
+SkinPrior skin_known(const Surface&, double row_m);
 
 // What a change changes under a face on homogeneous tissue: ln(strain) as measured, and ln(force).
 struct SkinAnswer {

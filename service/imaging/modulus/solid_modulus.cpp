@@ -110,7 +110,7 @@ class SolidModulusMethod : public ModulusMethod {
   // Of usual tissue one in eight windows has not settled after the usual steps; where there are solves for
   // more it goes on, no longer hastened: where strain hardly follows the modulus a mix of steps swings (one
   // window settled in 21, hastened in 40).
-  static constexpr int kUsualSteps = 12, kMaxSteps = 24, kForcePushes = 3;
+  static constexpr int kUsualSteps = 12, kMaxSteps = 24, kForcePushes = 4;
   static constexpr int kPushesPerSolve = 2;  // of those that begin at the last one's solution
   static int solves_of(int pushes) { return 1 + pushes / kPushesPerSolve; }
   // Rms change of log E over the cells: what ends the steps, and what is settled where they run out.
@@ -123,16 +123,10 @@ class SolidModulusMethod : public ModulusMethod {
     double force_n = 0;
   };
 
-  // Of the maps that were solved. Where strain hardly follows the modulus the steps do not settle: they lead
-  // past it.
-  struct Likeliest {
-    double cost = HUGE_VAL, tilt = 0;
-    VectorXd log_modulus, moved;
-    bool passed = false;
-    void see(double its_cost, const VectorXd& map, double its_tilt, const VectorXd& step) {
-      passed = !(its_cost < cost);
-      if (!passed) cost = its_cost, log_modulus = map, tilt = its_tilt, moved = step;
-    }
+  // A map that was solved, and what it shows.
+  struct Solved {
+    double cost = HUGE_VAL, tilt = 0, tilt_deviation = 0;
+    VectorXd log_modulus, moved, observed;
   };
 
   static ProbedTissue::Response pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
@@ -161,7 +155,8 @@ class SolidModulusMethod : public ModulusMethod {
     double tilt = 0, tilt_deviation = 0, spread = 0;
     FixedPoint hastened;
     VectorXd observed = weight, moved = VectorXd::Zero(size);
-    Likeliest likeliest;
+    // Where strain hardly follows the modulus the steps do not settle: they lead past the likeliest.
+    Solved last, likeliest;
     bool too_uneven = false;
     out.converged = false;
     while (out.iterations < steps) {
@@ -177,11 +172,11 @@ class SolidModulusMethod : public ModulusMethod {
         break;
       }
       const VectorXd strain = -as_measured(response.axial_strain, cells, strain_);
-      VectorXd residual = VectorXd::Zero(size);
+      VectorXd residual = VectorXd::Zero(size), extended = residual;
       observed = weight;
       for (Index c = 0; c < size; ++c)
         if (!(strain[c] > 0))
-          observed[c] = 0;
+          observed[c] = 0, extended[c] = kRangeLog;
         else if (observed[c] > 0)
           residual[c] = std::log(strain[c]) - fit.measured.log_strain[c];
       if (!(observed.maxCoeff() > 0))
@@ -205,18 +200,27 @@ class SolidModulusMethod : public ModulusMethod {
       moved = denoised - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       if (out.iterations < kUsualSteps) denoised = hastened.next(theta, denoised);
-      likeliest.see(denoise.cost(residual, observed, theta), theta, before, moved);
+      // A cell that it would extend is as far off as any.
+      last = {denoise.cost((residual.array() * (observed.array() > 0).cast<double>()).matrix() + extended,
+                           weight, theta),
+              tilt,
+              tilt_deviation,
+              theta,
+              moved,
+              observed};
+      if (last.cost < likeliest.cost && (!first || beside.empty())) likeliest = last;
       theta = denoised.cwiseMax(-kRangeLog).cwiseMin(kRangeLog);
       ++out.iterations;
       out.converged = change < kConvergedStep;
       if (change < (out.iterations < kUsualSteps ? kLastStep : kConvergedStep)) break;
     }
-    const auto to_likeliest = [&] {
-      theta = likeliest.log_modulus, tilt = likeliest.tilt, moved = likeliest.moved, out.converged = false;
+    const auto go_back_to = [&](const Solved& solved) {
+      theta = solved.log_modulus, moved = solved.moved, observed = solved.observed, out.converged = false;
+      tilt = solved.tilt, tilt_deviation = solved.tilt_deviation;
     };
-    if (too_uneven) to_likeliest();
+    if (too_uneven) go_back_to(last);
     // What the last map looks like warns; the likeliest is published.
-    const bool passed = !out.converged && !too_uneven && likeliest.passed;
+    bool passed = !out.converged && (too_uneven || likeliest.cost < last.cost);
     int pushes = out.iterations;
     const auto force_of = [&](const VectorXd& map) {
       ++pushes;
@@ -226,9 +230,9 @@ class SolidModulusMethod : public ModulusMethod {
     if ((in.force && !passed) || stiff) try {
         found.force_n = force_of(theta);
       } catch (const std::invalid_argument&) {
-        to_likeliest(), too_uneven = true;
-        found.force_n = force_of(theta);
+        go_back_to(last), too_uneven = passed = true;
         stiff = theta.maxCoeff() > kStiffLog;
+        if (stiff) found.force_n = force_of(theta);
       }
     if (!out.converged)
       out.warn(steps < kMaxSteps && !too_uneven ? ModulusFlag::kCut : ModulusFlag::kDeadline,
@@ -255,7 +259,7 @@ class SolidModulusMethod : public ModulusMethod {
                 static_cast<double>(theta.size()));
     }
     if (passed) {
-      to_likeliest();
+      go_back_to(likeliest.cost < HUGE_VAL ? likeliest : last);
       if (in.force) found.force_n = force_of(theta);
     }
     out.solves += solves_of(pushes);

@@ -72,7 +72,7 @@ struct TissueWindow {
   std::optional<double> beside_m;  // stated
   double beside_std_m;
   KnownLength elevation, depth;
-  SkinPrior skin;
+  SkinPrior skin = {};
   bool as_stated = false;  // a level and a tilt alone are fitted
   double lateral_ratio = NAN;
   CellStrains measured = {};

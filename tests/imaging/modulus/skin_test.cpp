@@ -21,8 +21,9 @@ Surface capsule(double thickness_m) {
 }
 
 TEST(Skin, ACapsuleCountsInEachLayerByItsPart) {
-  const SkinPrior unknown = skin_known({}), bare = skin_known({Surface::Kind::kBare}),
-                  full = skin_known(capsule(1e-3)), half = skin_known(capsule(1.5e-3));
+  const auto known = [](const Surface& surface) { return skin_known(surface, 1e-3); };
+  const SkinPrior unknown = known({}), bare = known({Surface::Kind::kBare}), full = known(capsule(1e-3)),
+                  half = known(capsule(1.5e-3));
   for (std::size_t k = 0; k < kSkinChanges; ++k) {
     EXPECT_EQ(bare.mean[k], 0);
     EXPECT_LT(bare.deviation[k], unknown.deviation[k] / 4);
@@ -36,6 +37,15 @@ TEST(Skin, ACapsuleCountsInEachLayerByItsPart) {
   EXPECT_NEAR(half.mean[1], std::log(kRatio), 1e-12);
   EXPECT_NEAR(half.mean[2], (std::log(2.0) + std::log(1.5)) / 2, 1e-12);
   EXPECT_GE(half.deviation[2], (std::log(2.0) - std::log(1.5)) / 2);
+  // It may be thinner, too, and softer: further down than up.
+  Surface sure = capsule(3e-3);
+  const double thinner = known(sure).deviation[3];
+  sure.thickness_std_m = 1e-9;
+  EXPECT_GT(thinner, 2 * known(sure).deviation[3]);
+  EXPECT_GE(known(sure).deviation[3], -std::log(1 - 0.3));
+  // Of an image so deep that its rows are higher.
+  EXPECT_NEAR(skin_known(capsule(1e-3), 1.25e-3).mean[1], (std::log(2.6) - std::log(0.2 + 0.8 / 3)) / 2,
+              1e-12);
 }
 
 // ln E of the topmost 3 mm over kModulusPa, in the mean: found, and its deviation.
@@ -56,6 +66,7 @@ TEST(Skin, WhatIsStatedNarrowsWhatIsTrueOfIt) {
   const Pressed bare(face()), covered(
                                   face(), [](double, double) { return 1.0; },
                                   [](double, double y) { return y < 1e-3 ? std::log(kRatio) : 0; });
+  const Surface known_well{Surface::Kind::kCapsule, 1e-3, kRatio, 1e-4, 0.1 * kRatio};
   const auto found = [](const Pressed& pressed, const Surface& surface) {
     const Found top = top_of(pressed.estimate({}, {}, test::kDepthM, surface), pressed.measured);
     std::printf("topmost 3 mm: ln E %.3f +- %.3f\n", top.log, top.deviation);
@@ -63,7 +74,7 @@ TEST(Skin, WhatIsStatedNarrowsWhatIsTrueOfIt) {
   };
   const Found unknown = found(bare, {}), as_bare = found(bare, {Surface::Kind::kBare}),
               uneven = found(bare, {Surface::Kind::kUneven}), unknown_capsule = found(covered, {}),
-              as_capsule = found(covered, capsule(1e-3));
+              as_capsule = found(covered, known_well);
   EXPECT_LT(as_bare.deviation, 0.7 * unknown.deviation);
   EXPECT_LT(as_capsule.deviation, 0.8 * unknown_capsule.deviation);
   EXPECT_GT(uneven.deviation, std::log(2.0));

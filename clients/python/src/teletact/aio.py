@@ -218,7 +218,8 @@ class Service:
         change of the probe's force, and ``contact_area_m2`` the modulus is in Pa, else relative; each ``_std`` is the
         standard deviation of what it is named after. ``plane``: "solid", "strain" or "stress"; left out, "strain" of
         what is published and "solid" of what is not. ``surface``: of a solid, "unknown", "bare", "capsule" or
-        "uneven". ``publish`` and ``window_x_m``: into which scene, and where the window's left border lies there. ``maps``: names (all).
+        "uneven". ``publish`` and ``window_x_m``: into which scene, and where the window's left border lies there.
+        ``maps``: names (all).
 
         Returns maps over y, x of the window: NaN where not ``valid`` (but for ``correlation``, and
         ``b_mode`` over a ``y_b_mode`` and ``x_b_mode`` of its own), and in ``attrs`` the
