@@ -270,12 +270,11 @@ kernel OF_GROUP void solve_whole(global const real* rows, global const real* inv
   rr = total(rr, group);
   Lane lanes[WIDTH];
   real a[WIDTH], b[WIDTH];
-  bool running = true;
-  for (int k = 0; k < max_iterations && running; ++k) {
+  for (int k = 0; k < max_iterations; ++k) {
     const vec rz = precondition(rows, inverses, r, z, shape, group);
     STORE(rr, a);
     STORE(rz, b);
-    running = false;
+    bool running = false;
     for (int lane = 0; lane < WIDTH; ++lane) {
       const int q = OWN_GROUP * WIDTH + lane;
       if (k == 0) lanes[lane] = begin(scalars, q, rhs, b[lane], a[lane]);
@@ -283,6 +282,7 @@ kernel OF_GROUP void solve_whole(global const real* rows, global const real* inv
       running = running || lanes[lane].state == RUNNING;
       if (first == 0 && q < rhs && k > 0) scalars[BETA_OF(k - 1) * rhs + q] = a[lane];
     }
+    if (!running) break;
     const vec beta = LOAD(a);
     for (int u = first; u < count; u += GROUP) p[u] = k == 0 ? z[u] : z[u] + beta * p[u];
     barrier(CLK_GLOBAL_MEM_FENCE);

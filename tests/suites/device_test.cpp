@@ -68,8 +68,8 @@ TEST_F(DeviceSuite, PartsAreKeptAndGoneOnWith) {
   EXPECT_NE(text("pages/device.md").find(suite.at("device").at("name")), std::string::npos);
 }
 
-// As a GPU, at true sizes: small ones hide what grows with them. A window's sweeps go
-// from column to column of nodes, one behind the other.
+// As a GPU, at true sizes: small ones hide what grows with them. A window's sweeps go from column to column
+// of nodes, one behind the other.
 TEST_F(DeviceSuite, ChainsAreShortAtTrueSizes) {
   constexpr int kMost = 1024, kOfAWindow = 4200;
   const auto run = ran({"device", "--out", folder_ / "out", "--only", "displacement", "solids", "planes",
