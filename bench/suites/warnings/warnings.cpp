@@ -13,7 +13,6 @@
 #include <string_view>
 #include <utility>
 
-#include "bench/basics/clock.h"
 #include "bench/basics/median.h"
 #include "bench/run_suite.h"
 #include "bench/suites/warnings/cases.h"
@@ -38,10 +37,9 @@ struct WarningResult {
   bool provoked = false;
   std::size_t cases = 0, fired = 0, refused = 0;
   double background = 0, stated = 0;  // medians: over the truth; deviation of ln E
-  double seconds = 0;
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WarningResult, warning, name, provoked, cases, fired, refused, background,
-                                   stated, seconds)
+                                   stated)
 // One of a row's windows, estimated once for all that is claimed of it.
 struct JudgedCase {
   std::string name;
@@ -49,10 +47,10 @@ struct JudgedCase {
   bool refused = false;
   std::vector<std::string> fired = {}, misquoted = {};  // those whose number is not the map's
   std::string failed = {};                              // why it has no estimate, where the push is enough
-  double background = kNan, stated = kNan, seconds = kNan;
+  double background = kNan, stated = kNan;
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JudgedCase, name, seed, refused, fired, misquoted, failed, background,
-                                   stated, seconds)
+                                   stated)
 struct WarningFigures {
   std::vector<WarningResult> rows;
   std::vector<JudgedCase> cases;
@@ -119,12 +117,12 @@ double median_said(const service::Field& field) {
   return median_of(said);
 }
 
-constexpr const char* kLine = "{:<14} {:<60} {:>9} {:>7} {:>11} {:>7} {:>5}\n";
+constexpr const char* kLine = "{:<14} {:<60} {:>9} {:>7} {:>11} {:>7}\n";
 
 void print(const WarningResult& r) {
   fmt::print(kLine, r.warning, r.name + (r.provoked ? "" : " (not provoked)"),
              fmt::format("{}/{}", r.fired, r.cases), r.refused, fmt::format("{:.2f}", r.background),
-             fmt::format("{:.2f}", r.stated), fmt::format("{:.1f}", r.seconds));
+             fmt::format("{:.2f}", r.stated));
 }
 
 // Whether a warning that says how uncertain the map is says another number than the map's median.
@@ -146,8 +144,7 @@ JudgedCase judged(AfterTracking& estimate, const WarnedWindow& w, const std::str
     return out;
   }
   try {
-    service::ModulusEstimate e;
-    out.seconds = seconds_of([&] { e = estimate(w, seed); });
+    const service::ModulusEstimate e = estimate(w, seed);
     out.background = e.background / w.background_pa, out.stated = median_said(e.log_deviation);
     for (const service::Warning& warning : e.warnings) {
       out.fired.emplace_back(service::name_of(warning.flag));
@@ -177,8 +174,7 @@ WarningResult result_of(const WarningRow& row, const Claim& claim, const std::ve
     r.fired += std::ranges::count(j.fired, claim.warning) > 0;
   }
   r.background = median_of(told(all, &JudgedCase::background)),
-  r.stated = median_of(told(all, &JudgedCase::stated)),
-  r.seconds = median_of(told(all, &JudgedCase::seconds));
+  r.stated = median_of(told(all, &JudgedCase::stated));
   return r;
 }
 
@@ -221,7 +217,7 @@ WarningFigures measure(const WarningOptions& options, Promises& promises) {
   figures.cases = earlier_cases(options);
   AfterTracking estimate;
   const std::size_t cases = options.quick ? std::min<std::size_t>(2, options.cases) : options.cases;
-  fmt::print(kLine, "warning", "level", "fired", "refused", "background", "stated", "s");
+  fmt::print(kLine, "warning", "level", "fired", "refused", "background", "stated");
   for (const WarningRow& row : warning_rows(estimate.queue())) {
     if (!wanted(row, options.only)) continue;
     for (std::size_t k = 0; k < cases; ++k) {
