@@ -104,6 +104,12 @@ Eigen::Vector3d place_of(const ModulusInput& in, std::size_t n) {
           (g.y_m(n) - g.origin_y_m) / (static_cast<double>(g.ny - 1) * g.dy_m)};
 }
 
+// Whether log E is no guess there. Where a solid's strain tells nothing it is drawn to the background.
+bool told_at(const ModulusEstimate& out, std::size_t n) {
+  return std::isfinite(out.youngs_modulus[n]) &&
+         (out.kind != ModulusKind::kSolid || out.log_deviation[n] < kGuessLog);
+}
+
 // A plane through log E of what looks like background, which is what lies about the plane: the traction under
 // a flat frictionless probe leaves none.
 Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& out) {
@@ -116,7 +122,7 @@ Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& 
       if (n % in.measured.grid.nx == 0) check_cancelled();
       const double logarithm = std::log(out.youngs_modulus[n] / out.background);
       const Eigen::Vector3d f = place_of(in, n);
-      if (!(std::abs(logarithm - plane.dot(f)) < kBackgroundLog)) continue;
+      if (!told_at(out, n) || !(std::abs(logarithm - plane.dot(f)) < kBackgroundLog)) continue;
       normal += f * f.transpose();
       load += logarithm * f;
     }
@@ -249,15 +255,13 @@ void scale(const ModulusInput& in, ModulusEstimate& out) {
            std::exp(shift), worst);
 }
 
-// A lump that fills much of the window comes back short, least so where it is taken for background. Where a
-// solid's strain tells nothing log E is a guess, and not counted.
+// A lump that fills much of the window comes back short, least so where it is taken for background.
 void extent(const ModulusInput& in, ModulusEstimate& out) {
   const MethodError error = method_error(out.kind);
   const std::vector<double> from = from_background(in, out);
   double said = 0, away = 0;
   for (std::size_t n = 0; n < from.size(); ++n) {
-    if (!std::isfinite(from[n])) continue;
-    if (out.kind == ModulusKind::kSolid && out.log_deviation[n] >= kGuessLog) continue;
+    if (!told_at(out, n)) continue;
     ++said, away += from[n] > error.off_log;
   }
   const double off = said > 0 ? away / said : 0, beyond = off - error.usual;

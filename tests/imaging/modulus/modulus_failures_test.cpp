@@ -89,6 +89,30 @@ TEST(Doubt, NamesTheCauseAndTheNumberOfTheMap) {
   expect(judged(0.4, [](auto& e) { e.kind = ModulusKind::kIterative; }), {ModulusFlag::kNoise}, " 40 %");
 }
 
+// Where the strain of a solid tells nothing log E is drawn to the background, above and below: neither does
+// that flatten a ramp of what was told, nor is what it does itself one.
+TEST(Doubt, GuessesOfASolidAreNoPartOfARamp) {
+  Phantom phantom({});
+  const ModulusInput in = phantom.input();
+  const ImageGrid& g = in.measured.grid;
+  StripCache strips;
+  const auto ramps = [&](double told, double guessed) {
+    ModulusEstimate e;
+    e.kind = ModulusKind::kSolid, e.background = Phantom::kBackgroundPa;
+    for (std::size_t n = 0; n < g.size(); ++n) {
+      const double depth = static_cast<double>(g.row(n)) / static_cast<double>(g.ny - 1) - 0.5;
+      const bool guess = std::abs(depth) > 0.25;
+      e.youngs_modulus.push_back(
+          static_cast<float>(Phantom::kBackgroundPa * std::exp((guess ? guessed : told) * depth)));
+      e.log_deviation.push_back(guess ? 0.8f : 0.1f);
+    }
+    judge(in, strips, e);
+    return flagged(e, ModulusFlag::kRamp);
+  };
+  EXPECT_TRUE(ramps(-0.4, 0));
+  EXPECT_FALSE(ramps(0, -0.4));
+}
+
 // Areas of low correlation must not become soft tissue: nothing is said there, and it is told.
 TEST_P(Failures, UntrackedAreasSayNothing) {
   Phantom phantom({});
