@@ -112,7 +112,7 @@ bool told_at(const ModulusEstimate& out, std::size_t n) {
 
 // A plane through log E of what looks like background, which is what lies about the plane: the traction under
 // a flat frictionless probe leaves none.
-Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& out) {
+Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& out, bool with_guesses) {
   constexpr int kPasses = 3;
   Eigen::Vector3d plane = Eigen::Vector3d::Zero();
   for (int pass = 0; pass < kPasses; ++pass) {
@@ -122,7 +122,8 @@ Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& 
       if (n % in.measured.grid.nx == 0) check_cancelled();
       const double logarithm = std::log(out.youngs_modulus[n] / out.background);
       const Eigen::Vector3d f = place_of(in, n);
-      if (!told_at(out, n) || !(std::abs(logarithm - plane.dot(f)) < kBackgroundLog)) continue;
+      if (!(with_guesses || told_at(out, n)) || !(std::abs(logarithm - plane.dot(f)) < kBackgroundLog))
+        continue;
       normal += f * f.transpose();
       load += logarithm * f;
     }
@@ -134,7 +135,7 @@ Eigen::Vector3d background_plane(const ModulusInput& in, const ModulusEstimate& 
 // |log E| from the background, of a solid from its ramp.
 std::vector<double> from_background(const ModulusInput& in, const ModulusEstimate& out) {
   const Eigen::Vector3d plane =
-      out.kind == ModulusKind::kSolid ? background_plane(in, out) : Eigen::Vector3d::Zero();
+      out.kind == ModulusKind::kSolid ? background_plane(in, out, true) : Eigen::Vector3d::Zero();
   std::vector<double> off(out.youngs_modulus.size());
   for (std::size_t n = 0; n < off.size(); ++n)
     off[n] = std::abs(std::log(out.youngs_modulus[n] / out.background) - plane.dot(place_of(in, n)));
@@ -201,7 +202,7 @@ void untracked(const ModulusInput& in, ModulusEstimate& out) {
 
 // Less than the noise of each strain is none.
 void ramp(const ModulusInput& in, double noise, ModulusEstimate& out) {
-  const Eigen::Vector3d plane = background_plane(in, out);
+  const Eigen::Vector3d plane = background_plane(in, out, false);
   const double across = std::exp(std::abs(plane[1])), down = std::exp(std::abs(plane[2]));
   if (std::max(across, down) > std::max(kMaxRamp, std::exp(noise)))
     out.warn(ModulusFlag::kRamp,
