@@ -123,6 +123,74 @@ class Changes {
   std::map<long, Rows> within_;
 };
 
+// Tissue between two slices, or beyond an outermost one; of what lies there one more slice leaves `share`.
+struct Gap {
+  double begin_m, end_m;
+  std::size_t after;  // the slice, or their number
+  bool told;          // by hidden_log_variance
+  double share = 1;
+  bool between() const { return std::isfinite(end_m - begin_m); }
+};
+
+std::vector<Gap> gaps_of(const ExplicitModulus& e, const std::optional<double>& one_more_m) {
+  std::vector<Gap> gaps;
+  double begin_m = -HUGE_VAL;
+  for (std::size_t n = 0; n <= e.slices_m.size(); ++n) {
+    Gap gap{begin_m, n < e.slices_m.size() ? e.slices_m[n] : HUGE_VAL, n, false};
+    gap.told = gap.end_m - gap.begin_m <= kWidestGapM && !e.hidden_log_variance.empty();
+    begin_m = gap.end_m;
+    if (one_more_m && *one_more_m > gap.begin_m && *one_more_m < gap.end_m) {
+      const double share = gap.between() ? (*one_more_m - gap.begin_m) / (gap.end_m - gap.begin_m) : 1;
+      gaps.push_back({gap.begin_m, *one_more_m, n, gap.told, share});
+      gaps.push_back({*one_more_m, gap.end_m, n, gap.told, gap.between() ? 1 - share : 1});
+    } else {
+      gaps.push_back(gap);
+    }
+  }
+  return gaps;
+}
+
+// What a row of elements bears, over z.
+class FeltRow {
+ public:
+  FeltRow(const FeltElements& felt, std::size_t row) : felt_(felt), row_(row) {}
+  // Times what grows with the way from a slice towards to_m, to 1 over reach_m.
+  double away_from(double slice_m, double to_m, double reach_m) const {
+    const double end_m =
+                     to_m > slice_m ? std::min(to_m, slice_m + reach_m) : std::max(to_m, slice_m - reach_m),
+                 borne = felt_.before(row_, end_m) - felt_.before(row_, slice_m),
+                 moment = felt_.moment_before(row_, end_m) - felt_.moment_before(row_, slice_m);
+    return (moment + (felt_.z_m() - slice_m) * borne) / reach_m +
+           std::abs(felt_.before(row_, to_m) - felt_.before(row_, end_m));
+  }
+  // Variance of what lies beyond a place that may be anywhere in the gap.
+  double beyond_any(const Gap& gap) const {
+    constexpr int kPlaces = 8;
+    double sum = 0, squares = 0;
+    for (int k = 0; k < kPlaces; ++k) {
+      const double borne = felt_.before(row_, gap.begin_m + (gap.end_m - gap.begin_m) * (k + 0.5) / kPlaces);
+      sum += borne / kPlaces, squares += borne * borne / kPlaces;
+    }
+    return std::max(0.0, squares - sum * sum);
+  }
+  // Standard deviation of what neither side of a gap shows, wrong alike all across it.
+  double hidden(const ExplicitModulus& e, const Gap& gap) const {
+    const double middle_m = (gap.begin_m + gap.end_m) / 2;
+    const double reach_m = gap.told ? middle_m - gap.begin_m : choices::kSliceReach;
+    double felt = 0;
+    if (std::isfinite(gap.begin_m))
+      felt += away_from(gap.begin_m, gap.between() ? middle_m : HUGE_VAL, reach_m);
+    if (std::isfinite(gap.end_m)) felt += away_from(gap.end_m, gap.between() ? middle_m : -HUGE_VAL, reach_m);
+    const std::size_t rows = e.y_m.size() - 1;
+    return felt * (gap.told ? gap.share * std::sqrt(e.hidden_log_variance[row_ + rows * (gap.after - 1)])
+                            : choices::kUnseenDeviation);
+  }
+
+ private:
+  const FeltElements& felt_;
+  std::size_t row_;
+};
+
 }  // namespace
 
 double unknown_log_variance(double from_slice_m) {
@@ -139,6 +207,37 @@ std::vector<double> hidden_log_variance(const ExplicitModulus& e) {
     for (std::size_t j = 0; j < within.size(); ++j) out.push_back(faster[j] * within[j]);
   }
   return out;
+}
+
+double felt_between_variance(const ExplicitModulus& e, const FeltElements& felt,
+                             std::optional<double> one_more_m) {
+  constexpr double kLeast = 1e-7;  // of what is felt: under it no change counts
+  // What slices on both sides do not show is as small as the gap; what nobody measured may be wrong alike.
+  const double left = left_of_local(felt.radius_m(), choices::kSliceReach);
+  const std::size_t columns = e.x_m.size() - 1, rows = e.y_m.size() - 1, plane = columns * rows;
+  const std::vector<Gap> gaps = gaps_of(e, one_more_m);
+  std::vector<double> hidden(rows, 0.0), change(rows * gaps.size(), 0.0);
+  for (std::size_t j = 0; j < rows; ++j) {
+    const FeltRow row(felt, j);
+    for (std::size_t n = 0; n < gaps.size(); ++n) {
+      const Gap& gap = gaps[n];
+      hidden[j] += (gap.told ? left : 1) * squared(row.hidden(e, gap));
+      if (gap.after > 0 && gap.after < e.slices_m.size())
+        change[j + rows * n] = (gap.told ? left : 1) * squared(gap.share) * row.beyond_any(gap);
+    }
+  }
+  double variance = 0;
+  felt.each([&](std::size_t element, double share) {
+    const std::size_t j = element / columns;
+    variance += share * hidden[j];
+    for (std::size_t n = 0; n < gaps.size(); ++n) {
+      const double counts = share * change[j + rows * n];
+      if (!(counts > kLeast)) continue;
+      const double* after = e.youngs_modulus_pa.data() + element + plane * gaps[n].after;
+      variance += counts * squared(std::log(*after / *(after - plane)));
+    }
+  });
+  return variance;
 }
 
 }  // namespace teletact::service

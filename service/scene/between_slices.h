@@ -1,9 +1,11 @@
 // How much tissue changes between a solid's slices where neither shows it (T8.7).
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "service/base/choices.h"
+#include "service/scene/felt_elements.h"
 #include "service/scene/scene_record.h"
 
 namespace teletact::service {
@@ -19,5 +21,10 @@ double unknown_log_variance(double from_slice_m);
 // what is unknown as if it had been seen in one place, times how much more ln E changes from slice to slice
 // than within them. Empty where no slice has a neighbour.
 std::vector<double> hidden_log_variance(const ExplicitModulus&);
+
+// Variance of what these elements feel of ln E, across the image planes as in them, beyond what is
+// interpolated between slices: were one more there, too, half of what lies around it showed.
+double felt_between_variance(const ExplicitModulus&, const FeltElements&,
+                             std::optional<double> one_more_m = {});
 
 }  // namespace teletact::service

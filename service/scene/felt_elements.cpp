@@ -17,6 +17,10 @@ double borne_up_to(double t) {
   const double tail = 1 + t * t / 4;
   return 0.5 + 0.375 * t / std::sqrt(tail) * (1 - t * t / (12 * tail));
 }
+// The first moment of the same.
+double moment_up_to(double t) {
+  return -0.5 * std::pow(1 + t * t / 4, -1.5);
+}
 // Half of what is borne at a depth lies within hypot(kHalf radius, kHalfOfDepth depth).
 constexpr double kHalf = 0.6, kHalfOfDepth = 0.33, kQuartile = 0.7407;  // of Student's distribution
 constexpr double kReach = 5;  // widths: 1 % is borne beyond, by the outermost elements
@@ -31,7 +35,7 @@ std::size_t element_of(const std::vector<double>& nodes_m, double at_m) {
 
 FeltElements::FeltElements(const std::vector<double>& x_m, const std::vector<double>& y_m,
                            const FeltPlace& at)
-    : all_columns_(x_m.size() - 1) {
+    : all_columns_(x_m.size() - 1), z_m_(at.z_m), radius_m_(at.radius_m) {
   const std::size_t rows = y_m.size() - 1;
   const auto width_m = [&](double away_m) { return std::hypot(kHalf * at.radius_m, kHalfOfDepth * away_m); };
   const double reach_m =
@@ -47,6 +51,7 @@ FeltElements::FeltElements(const std::vector<double>& x_m, const std::vector<dou
   for (std::size_t j = 0; j < rows; ++j) {
     const double of_row = (borne_above(y_m[j + 1]) - borne_above(y_m[j])) / all,
                  scale = kQuartile / width_m(std::abs((y_m[j] + y_m[j + 1]) / 2 - at.depth_m));
+    scale_.push_back(scale);
     double before = 0;
     for (std::size_t i = 0; i < columns_; ++i) {
       const double up_to = i + 1 < columns_ ? borne_up_to(scale * (x_m[first_ + i + 1] - at.x_m)) : 1;
@@ -54,6 +59,19 @@ FeltElements::FeltElements(const std::vector<double>& x_m, const std::vector<dou
       before = up_to;
     }
   }
+}
+
+double FeltElements::across(std::size_t row, double z_m) const {
+  constexpr double kFar = 1e6;
+  return std::clamp(scale_[row] * (z_m - z_m_), -kFar, kFar);
+}
+
+double FeltElements::before(std::size_t row, double z_m) const {
+  return borne_up_to(across(row, z_m));
+}
+
+double FeltElements::moment_before(std::size_t row, double z_m) const {
+  return moment_up_to(across(row, z_m)) / scale_[row];
 }
 
 double left_of_local(double radius_m, double length_m) {

@@ -1,5 +1,5 @@
-// Which elements of an image plane a contact feels, and what of the modulus's error is left in its force
-// (T9.4).
+// Which elements of an image plane a contact feels, how far across it, and what of the modulus's error is
+// left in its force (T9.8).
 #pragma once
 
 #include <cstddef>
@@ -19,6 +19,12 @@ struct FeltPlace {
 class FeltElements {
  public:
   FeltElements(const std::vector<double>& x_m, const std::vector<double>& y_m, const FeltPlace&);
+  double z_m() const { return z_m_; }
+  double radius_m() const { return radius_m_; }
+  // Of what a row of them bears, the share before z (m), and the first moment of that share about the
+  // contact's middle, m.
+  double before(std::size_t row, double z_m) const;
+  double moment_before(std::size_t row, double z_m) const;
   // f(element, share) of those with any.
   template <class F>
   void each(const F& f) const {
@@ -27,8 +33,10 @@ class FeltElements {
   }
 
  private:
+  double across(std::size_t row, double z_m) const;
   std::size_t all_columns_, first_, columns_;
-  std::vector<double> share_;
+  double z_m_, radius_m_;
+  std::vector<double> share_, scale_;  // of elements; of rows, 1 / m
 };
 
 // Variance of the mean with these shares, over the mean of the variances, of what correlates by

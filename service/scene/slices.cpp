@@ -110,32 +110,10 @@ double nearest_slice_m(const ExplicitModulus& e, double z_m) {
   return nearest_m;
 }
 
-// Of ln E as it is felt there, of what lies between the slices and shows in neither; beyond the last, and in
-// wide gaps, as far as nothing is known.
-double unseen_variance(const ExplicitModulus& e, const FeltElements& felt, const Between& at,
-                       double from_slice_m) {
-  const double gap_m = e.slice_m(at.after) - e.slice_m(at.before);
-  if (!(at.share > 0) || e.hidden_log_variance.empty() || gap_m > kWidestGapM)
-    return unknown_log_variance(from_slice_m);
-  const std::size_t columns = e.x_m.size() - 1, rows = e.y_m.size() - 1;
-  double amid = 0;
-  felt.each([&](std::size_t n, double share) {
-    amid += share * e.hidden_log_variance[n / columns + rows * at.before];
-  });
-  return amid * squared(2 * from_slice_m / gap_m);
-}
-
 double spacing_z_m(const ExplicitModulus& e) {
   return (e.z_m.back() - e.z_m.front()) / static_cast<double>(e.z_m.size() - 1);
 }
 
-// Of ln E, means over the elements that are felt (T8.7).
-struct FeltVariance {
-  double stated = 0;  // by the slices
-  double change = 0;  // they differ, and nobody knows where the tissue changes
-  double unseen = 0;  // of what lies between them and shows in neither
-  double deviation() const { return std::sqrt(stated + change + unseen); }
-};
 // In which it lies, or the nearest.
 std::size_t element(const std::vector<double>& nodes_m, double at_m) {
   const auto above = std::upper_bound(nodes_m.begin() + 1, nodes_m.end() - 1, at_m);
@@ -168,22 +146,10 @@ double stated_variance(const ExplicitModulus& e, std::size_t slice, const FeltEl
   return variance;
 }
 
-FeltVariance felt_variance(const ExplicitModulus& e, const FeltPlace& place) {
-  const FeltElements elements(e.x_m, e.y_m, place);
+double stated_variance(const ExplicitModulus& e, const FeltElements& felt, const FeltPlace& place) {
   const Between at = between(e, place.z_m);
-  const std::size_t plane = (e.x_m.size() - 1) * (e.y_m.size() - 1);
-  const double *near = e.youngs_modulus_pa.data() + at.before * plane,
-               *far = e.youngs_modulus_pa.data() + at.after * plane;
-  FeltVariance felt;
-  felt.stated = (1 - at.share) * stated_variance(e, at.before, elements, place.radius_m);
-  if (at.share > 0) {
-    felt.stated += at.share * stated_variance(e, at.after, elements, place.radius_m);
-    elements.each([&](std::size_t n, double share) {
-      felt.change += share * at.share * (1 - at.share) * squared(std::log(far[n] / near[n]));
-    });
-  }
-  felt.unseen = unseen_variance(e, elements, at, nearest_slice_m(e, place.z_m));
-  return felt;
+  const double before = (1 - at.share) * stated_variance(e, at.before, felt, place.radius_m);
+  return at.share > 0 ? before + at.share * stated_variance(e, at.after, felt, place.radius_m) : before;
 }
 
 void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits& limits) {
@@ -263,8 +229,8 @@ Between between(const ExplicitModulus& e, double z_m) {
 
 std::optional<FeltDeviation> felt_log_deviation(const ExplicitModulus& e, const FeltPlace& place) {
   if (e.slices_m.empty()) return std::nullopt;
-  const FeltVariance felt = felt_variance(e, place);
-  return FeltDeviation{std::sqrt(felt.stated), std::sqrt(felt.change + felt.unseen)};
+  const FeltElements felt(e.x_m, e.y_m, place);
+  return FeltDeviation{std::sqrt(stated_variance(e, felt, place)), std::sqrt(felt_between_variance(e, felt))};
 }
 
 std::vector<SliceBeside> slices_beside(const std::shared_ptr<const ExplicitModulus>& e, double x_m,
@@ -303,12 +269,13 @@ std::optional<SliceWish> wished_slice(const ExplicitModulus& e, const FeltPlace&
                before = std::clamp(std::floor((z_m - e.z_m.front()) / spacing_m), 0.0, last),
                middle_m = e.z_m.front() + (before + 0.5) * spacing_m;
   if (nearest_slice_m(e, middle_m) < kSameSliceM) return std::nullopt;  // z is farther by a rounding
-  const FeltVariance felt = felt_variance(e, place);
-  const double left = unseen_variance(e, {e.x_m, e.y_m, place}, between(e, z_m), std::abs(z_m - middle_m)),
-               with_it = std::sqrt(felt.stated + left),
-               less = ForceBudget::kOf95 * (felt.deviation() - with_it);
-  if (less <= tolerance.value_or(usual_tolerance(std::sqrt(felt.stated)).relative)) return std::nullopt;
-  return SliceWish{middle_m, ForceBudget::kOf95 * felt.deviation()};
+  const FeltElements felt(e.x_m, e.y_m, place);
+  const double stated = stated_variance(e, felt, place),
+               all = std::sqrt(stated + felt_between_variance(e, felt)),
+               with_it = std::sqrt(stated + felt_between_variance(e, felt, middle_m)),
+               less = ForceBudget::kOf95 * (all - with_it);
+  if (less <= tolerance.value_or(usual_tolerance(std::sqrt(stated)).relative)) return std::nullopt;
+  return SliceWish{middle_m, ForceBudget::kOf95 * all};
 }
 
 namespace {

@@ -145,5 +145,137 @@ TEST(BetweenSlices, HoldTissueThatIsKnownThroughout) {
   }
 }
 
+// What a finger feels of a field beyond the slices' planes, summed over pieces of 1 mm.
+double felt_across(const ExplicitModulus& e, const FeltPlace& place,
+                   const std::function<double(std::size_t, double)>& of) {
+  constexpr double kPieceM = 1e-3, kFarM = 0.02;
+  const FeltElements felt(e.x_m, e.y_m, place);
+  double sum = 0;
+  felt.each([&](std::size_t element, double share) {
+    const std::size_t row = element / 24;
+    if (share < 1e-3) return;
+    for (double z_m = -kFarM; z_m < kFarM; z_m += kPieceM)
+      if (const double borne = felt.before(row, z_m + kPieceM) - felt.before(row, z_m); borne > 3e-3)
+        sum += share * borne * of(element, z_m + kPieceM / 2);
+  });
+  return sum;
+}
+
+double interpolated(const ExplicitModulus& e, std::size_t element, double z_m) {
+  const Between at = between(e, z_m);
+  return (1 - at.share) * std::log(e.youngs_modulus_pa[element + 240 * at.before] / 1e4) +
+         at.share * std::log(e.youngs_modulus_pa[element + 240 * at.after] / 1e4);
+}
+
+// By hand: at a slice, amid, beyond, and with one more, of slices that differ by ln 2 and hide 0.2.
+TEST(BetweenSlices, AFingerFeelsWhatLiesAllAroundIt) {
+  constexpr double kFirstM = -0.0024, kMoreM = 0.0006, kLastM = 0.0026, kFarM = 0.4;
+  const auto step = [](const Place& at) { return at[2] > 0 ? std::numbers::ln2 : 0.0; };
+  ExplicitModulus e = stacked(grid(), {cut(step, kFirstM), cut(step, kLastM)}, {});
+  std::fill(e.hidden_log_variance.begin(), e.hidden_log_variance.end(), 0.04);
+  // Of what a row bears from place to place: so often a piece.
+  const auto sum_of = [](const FeltElements& felt, std::size_t row, double from_m, double to_m,
+                         const auto& of) {
+    constexpr int kPieces = 400;
+    const double piece_m = (to_m - from_m) / kPieces;
+    double sum = 0;
+    for (int k = 0; k < kPieces; ++k)
+      sum += (felt.before(row, from_m + (k + 1) * piece_m) - felt.before(row, from_m + k * piece_m)) *
+             of(from_m + (k + 0.5) * piece_m);
+    return sum;
+  };
+  const auto unknown = [](double away_m) {
+    return choices::kUnseenDeviation * std::min(1.0, away_m / choices::kSliceReach);
+  };
+  for (const bool one_more : {false, true})
+    for (const double radius_m : {0.001, 0.004})
+      for (const double z_m : {-0.012, kFirstM, 0.0001, 0.0013, kLastM}) {
+        const FeltPlace place{kBallX, 0, z_m, radius_m};
+        const FeltElements felt(e.x_m, e.y_m, place);
+        const double as_small = left_of_local(radius_m, choices::kSliceReach);
+        std::vector<double> of_row(10, 0.0);
+        for (std::size_t row = 0; row < 10; ++row) {
+          const auto within = [&](double from_m, double to_m) {
+            const double half_m = (to_m - from_m) / 2, share = 2 * half_m / (kLastM - kFirstM);
+            const double amid = sum_of(felt, row, from_m, to_m, [&](double z) {
+              return 0.2 * share * (1 - std::abs(z - from_m - half_m) / half_m);
+            });
+            // The tissue may change at each of 400 places.
+            double sum = 0, squares = 0;
+            for (int k = 0; k < 400; ++k) {
+              const double beyond =
+                  felt.before(row, to_m) - felt.before(row, from_m + 2 * half_m * (k + 0.5) / 400);
+              sum += beyond / 400, squares += beyond * beyond / 400;
+            }
+            return as_small * (amid * amid + (squares - sum * sum) * std::pow(share * std::numbers::ln2, 2));
+          };
+          of_row[row] = one_more ? within(kFirstM, kMoreM) + within(kMoreM, kLastM) : within(kFirstM, kLastM);
+          const double left =
+                           sum_of(felt, row, -kFarM, kFirstM, [&](double z) { return unknown(kFirstM - z); }),
+                       right =
+                           sum_of(felt, row, kLastM, kFarM, [&](double z) { return unknown(z - kLastM); });
+          of_row[row] += left * left + right * right;
+        }
+        double expected = 0;
+        felt.each([&](std::size_t element, double share) { expected += share * of_row[element / 24]; });
+        const double found =
+            one_more ? felt_between_variance(e, felt, kMoreM) : felt_between_variance(e, felt);
+        EXPECT_NEAR(std::sqrt(found), std::sqrt(expected), 0.005)
+            << radius_m << ' ' << z_m << ' ' << one_more;
+      }
+}
+
+// A point of a finger feels what its elements do, and no more than those.
+TEST(BetweenSlices, APointFeelsItsOwnPlace) {
+  const auto step = [](const Place& at) { return at[2] > 0 ? std::numbers::ln2 : 0.0; };
+  ExplicitModulus e = stacked(grid(), {cut(step, -0.0025), cut(step, 0.0025)}, {});
+  std::fill(e.hidden_log_variance.begin(), e.hidden_log_variance.end(), 0.04);
+  // Where it is so narrow one row is all that it feels.
+  const auto at = [&](double z_m) {
+    ExplicitModulus thin = e;
+    thin.y_m = {0, 1e-9};
+    thin.youngs_modulus_pa.clear(), thin.hidden_log_variance = {0.04};
+    for (const double pa : {1e4, 2e4}) thin.youngs_modulus_pa.insert(thin.youngs_modulus_pa.end(), 24, pa);
+    return felt_between_variance(thin, {thin.x_m, thin.y_m, {kBallX, 0, z_m, 1e-6}});
+  };
+  const double differ = std::pow(std::numbers::ln2, 2);
+  EXPECT_NEAR(at(0), 0.25 * differ + 0.04, 0.01 * differ);
+  EXPECT_NEAR(at(-0.00125), 0.1875 * differ + 0.01, 0.06 * differ);
+  EXPECT_NEAR(at(0.0025), 0, 1e-4);
+  EXPECT_NEAR(at(-0.00375), std::pow(choices::kUnseenDeviation / 4, 2), 1e-3);
+  EXPECT_NEAR(at(0.015), std::pow(choices::kUnseenDeviation, 2), 1e-3);
+}
+
+// Of fingers on tissue that is known throughout: the share of places that what is stated holds, and its root
+// mean square over what is missed.
+Held felt_held(const LogModulus& tissue, double radius_m) {
+  const ExplicitModulus e = cut(tissue);
+  double inside = 0, count = 0, stated = 0, missed = 0;
+  for (const double x_m : {0.009, 0.016, 0.023, 0.030, 0.037})
+    for (const double z_m : {-0.0075, -0.001, 0.0, 0.0015, 0.0025, 0.006}) {
+      const FeltPlace place{x_m, 0, z_m, radius_m};
+      const double off = felt_across(e, place, [&](std::size_t n, double z) {
+        const double x = (e.x_m[n % 24] + e.x_m[n % 24 + 1]) / 2, y = (e.y_m[n / 24] + e.y_m[n / 24 + 1]) / 2;
+        return tissue({x, y, z}) - interpolated(e, n, z);
+      });
+      const double variance = felt_between_variance(e, {e.x_m, e.y_m, place});
+      inside += off * off <= 1.96 * 1.96 * variance, ++count, stated += variance, missed += off * off;
+    }
+  return {inside / count, std::sqrt(stated / missed)};
+}
+
+TEST(BetweenSlices, HoldWhatFingersFeelOfTissueThatIsKnownThroughout) {
+  const std::array<double, 3> alike{0.006, 0.006, 0.006}, fine{0.003, 0.003, 0.003},
+      sheets{0.020, 0.020, 0.003};  // wrong alike over more than is taken for granted
+  const std::array tissues{texture(0.2, alike, 1), texture(0.1, fine, 3), texture(0.2, sheets, 6),
+                           nodules(0.0024, 1.1, 40, 4), nodules(0.006, 1.6, 4, 5)};
+  for (std::size_t n = 0; n < tissues.size(); ++n)
+    for (const double radius_m : {0.001, 0.004}) {
+      const Held found = felt_held(tissues[n], radius_m);
+      EXPECT_GE(found.share, 0.95) << n << ' ' << radius_m;
+      EXPECT_GT(found.narrower, 1) << n << ' ' << radius_m;
+    }
+}
+
 }  // namespace
 }  // namespace teletact::service

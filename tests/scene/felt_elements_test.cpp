@@ -83,5 +83,31 @@ TEST(FeltElements, AllIsBorneWhereverTheContactIs) {
   EXPECT_NEAR(inside.within_depth[0], 0.5, 1e-9);
 }
 
+// A contact is round: what lies to one side across the plane is what lies to that side in it.
+TEST(FeltElements, ReachAsFarAcrossThePlaneAsInIt) {
+  constexpr std::size_t kColumns = 400, kRows = 8;
+  const std::vector<double> x = nodes(-0.2, 0.2, kColumns), y = nodes(0, 0.04, kRows);
+  const FeltElements felt(x, y, {0, 0, 0.007, 0.004});
+  std::vector<double> rows(kRows, 0.0), before = rows;
+  felt.each([&](std::size_t n, double share) { rows[n / kColumns] += share; });
+  felt.each([&](std::size_t n, double share) {
+    const std::size_t j = n / kColumns;
+    before[j] += share / rows[j];
+    const double end_m = x[n % kColumns + 1];
+    if (std::abs(end_m) > 0.03) return;  // the outermost bear what is beyond
+    EXPECT_NEAR(felt.before(j, 0.007 + end_m), before[j], 1e-6) << j << ' ' << end_m;
+  });
+  for (std::size_t j = 0; j < kRows; ++j) {
+    EXPECT_NEAR(felt.before(j, HUGE_VAL), 1, 1e-15);
+    EXPECT_NEAR(felt.before(j, -HUGE_VAL), 0, 1e-15);
+    // By parts: the moment is what the share is times the way, less the shares summed over the way.
+    double sum = 0;
+    for (int k = 0; k < 3000; ++k) sum += 1e-5 * felt.before(j, -0.013 + 1e-5 * (k + 0.5));
+    EXPECT_NEAR(felt.moment_before(j, 0.017) - felt.moment_before(j, -0.013),
+                0.010 * felt.before(j, 0.017) + 0.020 * felt.before(j, -0.013) - sum, 1e-7)
+        << j;
+  }
+}
+
 }  // namespace
 }  // namespace teletact::service

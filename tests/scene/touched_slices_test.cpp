@@ -92,7 +92,7 @@ TEST(TouchedSlices, AnAnswerAsksForTheSliceThatItLacks) {
   EXPECT_EQ(answer.contact.budget.relative(ErrorTerm::kSlices), answer.log_deviation->between);
   EXPECT_EQ(answer.contact.budget.relative(ErrorTerm::kModulus), answer.log_deviation->measured);
   TouchOptions lenient;
-  lenient.tolerance = Tolerance{0.8, 0};
+  lenient.tolerance = Tolerance{0.4, 0};
   TouchSession other(scene, lenient, test_device());
   EXPECT_FALSE(wish(other, 0.001, 0.0055));
   EXPECT_TRUE(wish(other, 0.001, 0.0095));
