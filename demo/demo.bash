@@ -313,15 +313,16 @@ run_solid_demo() {
   report_demo "$status"
 }
 
-# The slices are taken from z = -20 to 20 mm; fingers begin when three of them are there. The probe's face is known
-# as well as a calliper tells it.
+# The slices are taken from z = -20 to 20 mm; fingers begin when three of them are there. The probe's face is stated
+# to 0.3 mm, as a calliper tells it.
 run_slices_demo() {
   local seed=$1 duration=$2 round_trip=$3 status=0
   local touch=(--indentation-m 0.002 --along z --across-m 0.030 --circle-radius-m 0.008 --begin-m -0.012 --end-m 0.012
     --speed-m-s 0.012)
   say "2/4 patient side: pressing the probe of solid patient $seed at nine places, and simulating its RF"
   start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" --slices 9 \
-    --slice-pitch-m 0.005 --lookahead 2 --passes-prepared 2 --probe-elevation-std-m 0.0003 --save-tissue "$DEMO_OUT/patient.toml" \
+    --slice-pitch-m 0.005 --lookahead 2 --passes-prepared 2 --probe-elevation-std-m 0.0003 \
+    --save-tissue "$DEMO_OUT/patient.toml" \
     --save-modulus "$DEMO_OUT/modulus.mha" --save-log-std "$DEMO_OUT/log-std.mha" \
     --record "$DEMO_OUT/acquire.record" --ready-file "$DEMO_RUN/acquire.ready"
   local acquire_pid=$DEMO_WAIT_PID

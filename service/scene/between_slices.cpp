@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <map>
+#include <utility>
 
 #include "service/base/choices.h"
 #include "service/base/squared.h"
@@ -211,30 +212,37 @@ std::vector<double> hidden_log_variance(const ExplicitModulus& e) {
 
 double felt_between_variance(const ExplicitModulus& e, const FeltElements& felt,
                              std::optional<double> one_more_m) {
-  constexpr double kLeast = 1e-7;  // of what is felt: under it no change counts
+  // Gaps that bear less of a row, and less of a change, are not felt: together under 0.04 of one.
+  constexpr double kLeast = 0.01, kLeastOfChange = 1e-7;
   // What slices on both sides do not show is as small as the gap; what nobody measured may be wrong alike.
   const double left = left_of_local(felt.radius_m(), choices::kSliceReach);
   const std::size_t columns = e.x_m.size() - 1, rows = e.y_m.size() - 1, plane = columns * rows;
   const std::vector<Gap> gaps = gaps_of(e, one_more_m);
-  std::vector<double> hidden(rows, 0.0), change(rows * gaps.size(), 0.0);
+  struct Change {
+    std::size_t after;  // the slice
+    double variance;    // over the squared change of ln E
+  };
+  std::vector<double> hidden(rows, 0.0);
+  std::vector<std::vector<Change>> changes(rows);
   for (std::size_t j = 0; j < rows; ++j) {
     const FeltRow row(felt, j);
-    for (std::size_t n = 0; n < gaps.size(); ++n) {
-      const Gap& gap = gaps[n];
+    double before = 0;
+    for (const Gap& gap : gaps) {
+      const double up_to = felt.before(j, gap.end_m), borne = up_to - std::exchange(before, up_to);
+      if (borne < kLeast) continue;
       hidden[j] += (gap.told ? left : 1) * squared(row.hidden(e, gap));
       if (gap.after > 0 && gap.after < e.slices_m.size())
-        change[j + rows * n] = (gap.told ? left : 1) * squared(gap.share) * row.beyond_any(gap);
+        changes[j].push_back({gap.after, (gap.told ? left : 1) * squared(gap.share) * row.beyond_any(gap)});
     }
   }
   double variance = 0;
   felt.each([&](std::size_t element, double share) {
     const std::size_t j = element / columns;
     variance += share * hidden[j];
-    for (std::size_t n = 0; n < gaps.size(); ++n) {
-      const double counts = share * change[j + rows * n];
-      if (!(counts > kLeast)) continue;
-      const double* after = e.youngs_modulus_pa.data() + element + plane * gaps[n].after;
-      variance += counts * squared(std::log(*after / *(after - plane)));
+    for (const Change& change : changes[j]) {
+      if (share * change.variance < kLeastOfChange) continue;
+      const double* after = e.youngs_modulus_pa.data() + element + plane * change.after;
+      variance += share * change.variance * squared(std::log(*after / *(after - plane)));
     }
   });
   return variance;

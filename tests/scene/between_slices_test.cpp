@@ -227,53 +227,79 @@ TEST(BetweenSlices, AFingerFeelsWhatLiesAllAroundIt) {
 
 // A point of a finger feels what its elements do, and no more than those.
 TEST(BetweenSlices, APointFeelsItsOwnPlace) {
-  const auto step = [](const Place& at) { return at[2] > 0 ? std::numbers::ln2 : 0.0; };
-  ExplicitModulus e = stacked(grid(), {cut(step, -0.0025), cut(step, 0.0025)}, {});
-  std::fill(e.hidden_log_variance.begin(), e.hidden_log_variance.end(), 0.04);
-  // Where it is so narrow one row is all that it feels.
-  const auto at = [&](double z_m) {
-    ExplicitModulus thin = e;
-    thin.y_m = {0, 1e-9};
-    thin.youngs_modulus_pa.clear(), thin.hidden_log_variance = {0.04};
+  // One row, so thin that it is all that is felt.
+  const auto at = [](double half_gap_m, double z_m) {
+    ExplicitModulus thin = grid();
+    thin.y_m = {0, 1e-9}, thin.slices_m = {-half_gap_m, half_gap_m};
     for (const double pa : {1e4, 2e4}) thin.youngs_modulus_pa.insert(thin.youngs_modulus_pa.end(), 24, pa);
+    thin.hidden_log_variance = {0.04};
     return felt_between_variance(thin, {thin.x_m, thin.y_m, {kBallX, 0, z_m, 1e-6}});
   };
   const double differ = std::pow(std::numbers::ln2, 2);
-  EXPECT_NEAR(at(0), 0.25 * differ + 0.04, 0.01 * differ);
-  EXPECT_NEAR(at(-0.00125), 0.1875 * differ + 0.01, 0.06 * differ);
-  EXPECT_NEAR(at(0.0025), 0, 1e-4);
-  EXPECT_NEAR(at(-0.00375), std::pow(choices::kUnseenDeviation / 4, 2), 1e-3);
-  EXPECT_NEAR(at(0.015), std::pow(choices::kUnseenDeviation, 2), 1e-3);
+  EXPECT_NEAR(at(0.0025, 0), 0.25 * differ + 0.04, 1e-3);
+  EXPECT_NEAR(at(0.0025, -0.00125), 0.1875 * differ + 0.01, 0.06 * differ) << "by eight places";
+  EXPECT_NEAR(at(0.0025, 0.0025), 0, 1e-4);
+  EXPECT_NEAR(at(0.0025, -0.00375), unknown(0.00125), 1e-3);
+  EXPECT_NEAR(at(0.0025, 0.015), unknown(choices::kSliceReach), 1e-3)
+      << "no more than of what nobody measured";
+  EXPECT_NEAR(at(0.006, 0), 0.25 * differ + unknown(choices::kSliceReach), 1e-3) << "amid a wide gap";
 }
 
-// Of fingers on tissue that is known throughout: the share of places that what is stated holds, and its root
-// mean square over what is missed.
-Held felt_held(const LogModulus& tissue, double radius_m) {
-  const ExplicitModulus e = cut(tissue);
-  double inside = 0, count = 0, stated = 0, missed = 0;
-  for (const double x_m : {0.009, 0.016, 0.023, 0.030, 0.037})
-    for (const double z_m : {-0.0075, -0.001, 0.0, 0.0015, 0.0025, 0.006}) {
-      const FeltPlace place{x_m, 0, z_m, radius_m};
-      const double off = felt_across(e, place, [&](std::size_t n, double z) {
-        const double x = (e.x_m[n % 24] + e.x_m[n % 24 + 1]) / 2, y = (e.y_m[n / 24] + e.y_m[n / 24 + 1]) / 2;
-        return tissue({x, y, z}) - interpolated(e, n, z);
-      });
-      const double variance = felt_between_variance(e, {e.x_m, e.y_m, place});
-      inside += off * off <= 1.96 * 1.96 * variance, ++count, stated += variance, missed += off * off;
+// What one more slice leaves is foretold where it tells nothing of its own: as when it is there.
+TEST(BetweenSlices, OneMoreIsForetold) {
+  const auto step = [](const Place& at) { return at[2] > 0.002 ? std::numbers::ln2 : 0.0; };
+  const ExplicitModulus e = stacked(grid(), {cut(step, -0.003), cut(step, 0.005)}, {});
+  for (const double more_m : {-0.0125, 0.0125})  // as far as nothing is told in between
+    for (const double z_m : {-0.014, -0.008, 0.001, 0.009}) {
+      const FeltElements felt(e.x_m, e.y_m, {kBallX, 0, z_m, 0.004});
+      const ExplicitModulus grown = with_slice(e, cut(step, more_m), {}).modulus;
+      const double foretold = felt_between_variance(e, felt, more_m);
+      EXPECT_NEAR(foretold, felt_between_variance(grown, felt), 1e-9) << more_m << ' ' << z_m;
+      EXPECT_LE(foretold, felt_between_variance(e, felt)) << more_m << ' ' << z_m;
     }
+}
+
+// Of fingers on tissues that are known throughout, by the seeds of their kind: the share of places that what
+// is stated holds, and its root mean square over what is missed.
+struct FeltHeld {
+  double share, wider;
+};
+FeltHeld felt_held(const std::function<LogModulus(unsigned)>& kind, double radius_m) {
+  double inside = 0, count = 0, stated = 0, missed = 0;
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const LogModulus tissue = kind(seed);
+    const ExplicitModulus e = cut(tissue);
+    for (const double x_m : {0.009, 0.020, 0.031})
+      for (const double z_m : {-0.0075, -0.001, 0.0, 0.0025, 0.006}) {
+        const FeltPlace place{x_m, 0, z_m, radius_m};
+        const double off = felt_across(e, place, [&](std::size_t n, double z) {
+          const double x = (e.x_m[n % 24] + e.x_m[n % 24 + 1]) / 2,
+                       y = (e.y_m[n / 24] + e.y_m[n / 24 + 1]) / 2;
+          return tissue({x, y, z}) - interpolated(e, n, z);
+        });
+        const double variance = felt_between_variance(e, {e.x_m, e.y_m, place});
+        inside += off * off <= 1.96 * 1.96 * variance, ++count, stated += variance, missed += off * off;
+      }
+  }
   return {inside / count, std::sqrt(stated / missed)};
 }
 
 TEST(BetweenSlices, HoldWhatFingersFeelOfTissueThatIsKnownThroughout) {
-  const std::array<double, 3> alike{0.006, 0.006, 0.006}, fine{0.003, 0.003, 0.003},
-      sheets{0.020, 0.020, 0.003};  // wrong alike over more than is taken for granted
-  const std::array tissues{texture(0.2, alike, 1), texture(0.1, fine, 3), texture(0.2, sheets, 6),
-                           nodules(0.0024, 1.1, 40, 4), nodules(0.006, 1.6, 4, 5)};
-  for (std::size_t n = 0; n < tissues.size(); ++n)
+  const auto textures = [](double size, const Place& length_m) {
+    return [=](unsigned seed) { return texture(size, length_m, seed); };
+  };
+  const auto lumps = [](double radius_m, double size, int count) {
+    return [=](unsigned seed) { return nodules(radius_m, size, count, seed); };
+  };
+  const std::array<std::function<LogModulus(unsigned)>, 5> kinds{
+      textures(0.2, {0.006, 0.006, 0.006}), textures(0.1, {0.003, 0.003, 0.003}),
+      textures(0.2, {0.020, 0.020, 0.003}),  // wrong alike over more than is taken for granted
+      lumps(0.0024, 1.1, 40), lumps(0.006, 1.6, 4)};
+  for (std::size_t n = 0; n < kinds.size(); ++n)
     for (const double radius_m : {0.001, 0.004}) {
-      const Held found = felt_held(tissues[n], radius_m);
+      const FeltHeld found = felt_held(kinds[n], radius_m);
       EXPECT_GE(found.share, 0.95) << n << ' ' << radius_m;
-      EXPECT_GT(found.narrower, 1) << n << ' ' << radius_m;
+      EXPECT_GT(found.wider, 1) << n << ' ' << radius_m;
     }
 }
 
