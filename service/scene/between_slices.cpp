@@ -14,6 +14,11 @@ namespace {
 
 using Rows = std::vector<double>;
 
+// Of ln E of what nobody measured, so far from the nearest slice.
+double unknown_log_variance(double from_slice_m) {
+  return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
+}
+
 // Of ln E at `share` of the way between two others, squared: how far it lies outside them.
 double hidden(double before, double at, double after, double share) {
   const double differ = after - before, off = at - before - share * differ;
@@ -193,10 +198,6 @@ class FeltRow {
 };
 
 }  // namespace
-
-double unknown_log_variance(double from_slice_m) {
-  return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));
-}
 
 std::vector<double> hidden_log_variance(const ExplicitModulus& e) {
   std::vector<double> out;

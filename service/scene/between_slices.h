@@ -13,9 +13,6 @@ namespace teletact::service {
 // In wider gaps, but for rounding, a lump that a finger looks for may lie whole: nothing is told of them.
 inline constexpr double kWidestGapM = choices::kSliceReach + 1e-5;
 
-// Variance of ln E of what nobody measured, so far from the nearest slice.
-double unknown_log_variance(double from_slice_m);
-
 // Variance of ln E in the middle of each gap between neighbouring slices, beyond what a change from the one
 // to the other explains: rows of elements, gap by gap. It is that of as wide gaps within the slices, with
 // what is unknown as if it had been seen in one place, times how much more ln E changes from slice to slice
