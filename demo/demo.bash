@@ -3,23 +3,26 @@
 
 demo_usage() {
   cat <<'TEXT'
-usage: ./teletact demo [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T] [--passes N]
+usage: ./teletact demo [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
+       ./teletact demo --plane [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T] [--passes N]
        ./teletact demo --page [--out DIR] [--seed N] [--duration-s S] [--passes N] [--port N]
-       ./teletact demo --solid [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
        ./teletact demo --solid-given [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
+
+A solid patient with three hidden lumps: nine slices 5 mm apart are imaged while a finger goes in circles across them at
+12 mm/s; its forces beside those of the patient's own tissue, and the lumps that were found.
 
   --out DIR       where summary.json, pictures, recordings and logs go (demo-out); those of an earlier run go away
   --seed N        which patient: where its hidden inclusions lie (1)
-  --duration-s S  how long the finger explores, above 0 (12; with --page 60, --solid 30, --solid-given 20)
+  --duration-s S  how long the finger explores, above 0 (30; with --plane 12, --page 60, --solid-given 20)
   --round-trip-ms T
                   so long a link between the operator and the service, 0 to 9999 (0: none is added)
-  --passes N      acquisitions of each window that are simulated before the clock starts (one per 2 s)
-  --page          a live page shows it, at the address that is printed; its buttons make the link, the service and
-                  the probe fail. The finger explores for 60 s; then the page stays until Ctrl-C
+  --plane         instead: the paper's plane. A finger sweeps over 300 mm of tissue at 120 mm/s while a probe images
+                  ahead of it
+  --passes N      of --plane and --page: acquisitions of each window that are simulated before the clock starts
+                  (one per 2 s)
+  --page          the plane on a live page, at the address that is printed; its buttons make the link, the service
+                  and the probe fail. The finger explores for 60 s; then the page stays until Ctrl-C
   --port N        of the page (0: a free one)
-  --solid         instead: a solid patient with three hidden lumps. Nine slices 5 mm apart are imaged while a
-                  finger goes in circles across them at 12 mm/s; its forces beside those of the patient's
-                  own tissue, and the lumps that were found. Minutes on a busy machine
   --solid-given   instead: a solid patient of three layers and two lumps whose modulus is given slice by slice,
                   felt in circles by a finger at 20 mm/s; its forces beside those of the patient's own
                   tissue, and beside a plane model's; tactile images. Minutes on a busy machine
@@ -27,7 +30,7 @@ TEXT
 }
 
 demo() {
-  local out=demo-out seed=1 duration= round_trip=0 passes= which= solid= port=0
+  local out=demo-out seed=1 duration= round_trip=0 passes= which=slices port=0
   while (($#)); do
     case $1 in
       --out | --seed | --duration-s | --round-trip-ms | --passes | --port)
@@ -42,22 +45,22 @@ demo() {
         esac
         shift 2
         ;;
-      --page | --solid | --solid-given)
-        [[ -z $which || $which == "$1" ]] || die_of_usage "$which and $1 are two demos: leave one out"
-        which=$1
-        case $1 in --page) solid=page ;; --solid) solid=rf ;; *) solid=given ;; esac
+      --plane | --page | --solid-given)
+        [[ $which == slices || $which == "${1#--}" ]] || die_of_usage "--$which and $1 are two demos: leave one out"
+        which=${1#--}
         shift
         ;;
+      --solid) die_of_usage "--solid: no longer an option; ./teletact demo is solid without it" ;;
       -h | --help) demo_usage; return 0 ;;
       *) demo_usage >&2; die_of_usage "unknown argument of demo: $1" ;;
     esac
   done
   if [[ -z $duration ]]; then
-    case $solid in page) duration=60 ;; rf) duration=30 ;; given) duration=20 ;; *) duration=12 ;; esac
+    case $which in plane) duration=12 ;; page) duration=60 ;; slices) duration=30 ;; *) duration=20 ;; esac
   fi
-  [[ $solid != given || -z $passes ]] || die_of_usage "--passes: nothing is acquired with --solid-given; leave it out"
-  [[ $solid != rf || -z $passes ]] || die_of_usage "--passes: each slice is acquired once with --solid; leave it out"
-  [[ $solid != page || $round_trip == 0 ]] || die_of_usage "--round-trip-ms: the page has a button for it; leave it out"
+  [[ -z $passes || $which == plane || $which == page ]] ||
+    die_of_usage "--passes: only --plane and --page acquire a window again; leave it out"
+  [[ $which != page || $round_trip == 0 ]] || die_of_usage "--round-trip-ms: the page has a button for it; leave it out"
   [[ $port =~ ^[0-9]{1,5}$ ]] || die_of_usage "--port must be 0 to 65535, not '$port'"
   [[ $seed =~ ^[0-9]+$ ]] || die_of_usage "--seed must be a whole number, not '$seed'"
   [[ $duration =~ ^[0-9]+(\.[0-9]+)?$ && $duration =~ [1-9] ]] ||
@@ -70,18 +73,18 @@ demo() {
   out=$(cd -- "$out" && pwd)
   hold_folder "$out"
   [[ $round_trip =~ [1-9] ]] || round_trip=
-  case $solid in
-    '') build teletact-service compiled_kernels teletact-client ${round_trip:+teletact-proxy} ;;
+  case $which in
+    plane) build teletact-service compiled_kernels teletact-client ${round_trip:+teletact-proxy} ;;
     page) build teletact-service compiled_kernels teletact-client teletact-proxy ;;
     *) build teletact-service compiled_kernels teletact-client teletact-felt ${round_trip:+teletact-proxy} ;;
   esac
   choose_kernel_cache
-  begin_demo "$out" "$solid"
-  case $solid in
+  begin_demo "$out" "$which"
+  case $which in
+    plane) run_plane_demo "$seed" "$duration" "$passes" "$round_trip" ;;
     page) run_page_demo "$seed" "$duration" "$passes" "$port" ;;
-    rf) run_slices_demo "$seed" "$duration" "$round_trip" ;;
-    given) run_solid_demo "$seed" "$duration" "$round_trip" ;;
-    *) run_demo "$seed" "$duration" "$passes" "$round_trip" ;;
+    slices) run_slices_demo "$seed" "$duration" "$round_trip" ;;
+    *) run_given_demo "$seed" "$duration" "$round_trip" ;;
   esac
 }
 
@@ -218,7 +221,7 @@ report_demo() {
   esac
 }
 
-run_demo() {
+run_plane_demo() {
   local seed=$1 duration=$2 passes=$3 round_trip=$4 status=0
   say "2/4 patient side: simulating RF of patient $seed"
   start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" \
@@ -297,7 +300,7 @@ first_touch() {
   wait "$DEMO_WAIT_PID" || fail_demo "the first touch failed"
 }
 
-run_solid_demo() {
+run_given_demo() {
   local seed=$1 duration=$2 round_trip=$3 status=0
   local touch=(--indentation-m 0.002 --circle-radius-m 0.008 --begin-m 0.025 --end-m 0.087 --speed-m-s 0.02)
   say "2/4 patient side: the modulus of solid patient $seed, slice by slice; a first touch compiles what touch needs"

@@ -335,8 +335,10 @@ TEST(ScriptInput, HelpBuildsNothingAndAnEmptyDemoIsRefused) {
   say({"--version"}, "teletact " TELETACT_VERSION, 0);
   for (const char* none : {"0", "0.0", "-3"}) say({"demo", "--duration-s", none}, "--duration-s", 2);
   say({"demo", "--help"}, "--solid-given", 0);
-  say({"demo", "--solid", "--passes", "3"}, "acquired once", 2);
-  say({"demo", "--solid-given", "--passes", "3"}, "nothing is acquired", 2);
+  say({"demo", "--passes", "3"}, "only --plane and --page", 2);
+  say({"demo", "--solid"}, "solid without it", 2);
+  say({"demo", "--plane", "--page"}, "--plane and --page are two demos", 2);
+  say({"demo", "--solid-given", "--passes", "3"}, "only --plane and --page", 2);
   say({"demo", "--pages"}, "unknown argument of demo: --pages", 2);
   say({"demo", "--seed", "abc"}, "--seed must be a whole number", 2);
   say({"demo", "--seed"}, "--seed needs a value", 2);

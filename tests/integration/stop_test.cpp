@@ -67,7 +67,7 @@ TEST(Stop, AStartThatCompilesSaysHowFarItIsAndEndsAtOnce) {
 // Whatever a demo waits for: here for a service, and a patient side, that take their time.
 TEST(Stop, CtrlCEndsADemoWithOneLine) {
   for (const std::string serves : {"", "serving on nothing\n"})
-    for (const std::string which : {"", "--page", "--solid", "--solid-given"}) {
+    for (const std::string which : {"", "--plane", "--page", "--solid-given"}) {
       test::TemporaryFolder folder;
       for (const char* binary :
            {"service/teletact-service", "client/teletact-client", "bench/teletact-proxy"}) {
