@@ -14,6 +14,9 @@ namespace {
 
 using Rows = std::vector<double>;
 
+// In wider gaps, but for rounding, a lump that a finger looks for may lie whole: nothing is told of them.
+constexpr double kWidestGapM = choices::kSliceReach + 1e-5;
+
 // Of ln E of what nobody measured, so far from the nearest slice.
 double unknown_log_variance(double from_slice_m) {
   return squared(choices::kUnseenDeviation * std::min(1.0, from_slice_m / choices::kSliceReach));

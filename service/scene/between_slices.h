@@ -4,14 +4,10 @@
 #include <optional>
 #include <vector>
 
-#include "service/base/choices.h"
 #include "service/scene/felt_elements.h"
 #include "service/scene/scene_record.h"
 
 namespace teletact::service {
-
-// In wider gaps, but for rounding, a lump that a finger looks for may lie whole: nothing is told of them.
-inline constexpr double kWidestGapM = choices::kSliceReach + 1e-5;
 
 // Variance of ln E in the middle of each gap between neighbouring slices, beyond what a change from the one
 // to the other explains: rows of elements, gap by gap. It is that of as wide gaps within the slices, with
