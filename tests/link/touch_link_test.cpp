@@ -34,7 +34,8 @@ TEST(TouchLink, AnswersCarryTheirOwnPose) {
   FakePalpation service(test::socket_address("pair"));
   service.serve();
   Operator person(test::socket_address("pair"));
-  ASSERT_TRUE(service.wait_until(answers_at_least(20)));
+  // What the service has sent may still be on its way.
+  ASSERT_TRUE(test::within(5, [&] { return person.link->stats().distinct >= 19; }));
   ServoAnswer answer;
   ASSERT_TRUE(person.answers.take(answer));
   EXPECT_TRUE(answer.has_force);
@@ -43,9 +44,7 @@ TEST(TouchLink, AnswersCarryTheirOwnPose) {
   EXPECT_LE((answer.sample.force_n - truth.force_n).norm(), 1e-12);
   EXPECT_LE((answer.sample.tangent_n_m - truth.tangent_n_m).norm(), 1e-9);
   EXPECT_GT(answer.received_ns * 1e-9, answer.sample.pose_time_s);
-  const TouchLinkStats stats = person.link->stats();
-  EXPECT_EQ(stats.dropped, 0u);
-  EXPECT_GE(stats.distinct, 19u);
+  EXPECT_EQ(person.link->stats().dropped, 0u);
 }
 
 TEST(TouchLink, MalformedTactileImageIsDroppedAlone) {
@@ -168,6 +167,7 @@ TEST(TouchLink, KnowsTheServicesClockAndTheRoundTrip) {
   service.serve();
   Operator person(test::socket_address("clock"));
   ASSERT_TRUE(service.wait_until(answers_at_least(50)));
+  ASSERT_TRUE(test::within(5, [&] { return person.link->stats().round_trips_s.count() >= 49; }));
   // THEN the offset is right within its own bound, and computing is no part of the round trip
   const TouchLinkStats stats = person.link->stats();
   EXPECT_LE(std::abs(stats.clock_offset_s - 100), stats.clock_offset_error_s);
@@ -178,7 +178,6 @@ TEST(TouchLink, KnowsTheServicesClockAndTheRoundTrip) {
   EXPECT_GT(answer.round_trip_s, 0);
   // ... and so the age of the modulus, stamped by that other clock, is known on ours.
   EXPECT_NEAR(1e-9 * static_cast<double>(answer.received_ns) - answer.modulus_time_s, 7, 0.05);
-  ASSERT_GE(stats.round_trips_s.count(), 49u);
   EXPECT_LT(stats.round_trips_s.percentile(0.1), 0.005);
 }
 
