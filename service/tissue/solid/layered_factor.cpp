@@ -53,24 +53,32 @@ Wave wave(std::size_t k, std::size_t n) {
   return {std::cos(angle), std::sin(angle)};
 }
 
-// T^* A T, A = sum over offsets of the blocks times exp(i (kx dx + kz dz)), T = diag(1, i, 1): real.
-Matrix3d symbol(const std::array<Matrix3d, 9>& blocks, const Wave& x, const Wave& z) {
-  Matrix3d real = Matrix3d::Zero();
-  for (int dz = -1; dz <= 1; ++dz)
-    for (int dx = -1; dx <= 1; ++dx) {
-      const Matrix3d& b = blocks[static_cast<std::size_t>((dx + 1) + 3 * (dz + 1))];
-      const double cx = dx ? x.cosine : 1, sx = dx * x.sine, cz = dz ? z.cosine : 1, sz = dz * z.sine;
-      const double even = cx * cz - sx * sz, odd = sx * cz + cx * sz;  // exp(i ...) = even + i odd
+// T^* A T, A = sum over offsets of the blocks times exp(i (kx dx + kz dz)), T = diag(1, i, 1): real. At one
+// kz, by kx.
+class Symbol {
+ public:
+  Symbol() = default;
+  Symbol(const std::array<Matrix3d, 9>& blocks, const Wave& z) {
+    for (std::size_t dx = 0; dx < 3; ++dx) {
+      const Matrix3d &behind = blocks[dx], &middle = blocks[dx + 3], &ahead = blocks[dx + 6];
+      const Matrix3d real = middle + z.cosine * (behind + ahead), imaginary = z.sine * (ahead - behind);
+      const double side = static_cast<double>(dx) - 1;
       for (int p = 0; p < 3; ++p)
         for (int q = 0; q < 3; ++q) {
-          if ((p == 1) == (q == 1))
-            real(p, q) += b(p, q) * even;
-          else
-            real(p, q) += b(p, q) * (q == 1 ? -odd : odd);
+          const bool turned = (p == 1) != (q == 1);
+          const double sign = turned && q == 1 ? -1 : 1;
+          const double even = sign * (turned ? imaginary : real)(p, q),
+                       odd = sign * side * (turned ? real(p, q) : -imaginary(p, q));
+          (side == 0 ? constant_ : of_cosine_)(p, q) += even;
+          of_sine_(p, q) += odd;
         }
     }
-  return real;
-}
+  }
+  Matrix3d at(const Wave& x) const { return constant_ + x.cosine * of_cosine_ + x.sine * of_sine_; }
+
+ private:
+  Matrix3d constant_ = Matrix3d::Zero(), of_cosine_ = Matrix3d::Zero(), of_sine_ = Matrix3d::Zero();
+};
 
 // Eliminates for every pair of wave numbers: `row`(kx, kz, j, S_j^-1, W_j-1), from the bottom up.
 template <class Row>
@@ -89,22 +97,24 @@ void eliminate(const SolidGrid& grid, const LayeredTissue& tissue, double poisso
     heights_m.push_back(height_m);
     stencils.push_back(layer_stencil(grid, height_m, poisson_ratio));
   }
-  std::vector<std::array<Matrix3d, 3>> symbols(stencils.size());
+  std::vector<Wave> along_x;
+  for (std::size_t kx = 0; kx <= grid.nx / 2; ++kx) along_x.push_back(wave(kx, grid.nx));
+  std::vector<std::array<Symbol, 3>> symbols(stencils.size());
   for (std::size_t kz = 0; kz <= grid.nz / 2; ++kz) {
     check_cancelled();
     const Wave z = wave(kz, grid.nz);
+    for (std::size_t s = 0; s < stencils.size(); ++s)
+      for (std::size_t b = 0; b < 3; ++b) symbols[s][b] = Symbol(stencils[s].blocks[b], z);
     for (std::size_t kx = 0; kx <= grid.nx / 2; ++kx) {
-      const Wave x = wave(kx, grid.nx);
-      for (std::size_t s = 0; s < stencils.size(); ++s)
-        for (std::size_t b = 0; b < 3; ++b) symbols[s][b] = symbol(stencils[s].blocks[b], x, z);
+      const Wave& x = along_x[kx];
       Matrix3d below = Matrix3d::Zero();  // U_j S_(j+1)^-1 U_j^T
       for (std::size_t j = layers; j-- > 0;) {
-        Matrix3d s = tissue.youngs_modulus_pa[j] * symbols[kind[j]][0] - below;
-        if (j > 0) s += tissue.youngs_modulus_pa[j - 1] * symbols[kind[j - 1]][2];
+        Matrix3d s = tissue.youngs_modulus_pa[j] * symbols[kind[j]][0].at(x) - below;
+        if (j > 0) s += tissue.youngs_modulus_pa[j - 1] * symbols[kind[j - 1]][2].at(x);
         const Matrix3d inverse = s.inverse();
         Matrix3d coupling = Matrix3d::Zero();
         if (j > 0) {
-          const Matrix3d u = tissue.youngs_modulus_pa[j - 1] * symbols[kind[j - 1]][1];
+          const Matrix3d u = tissue.youngs_modulus_pa[j - 1] * symbols[kind[j - 1]][1].at(x);
           coupling = inverse * u.transpose();
           below = u * coupling;
         }
