@@ -53,13 +53,17 @@ cl::Program build(const cl::Context& context, const cl::Device& device, const De
                   const DeviceOptions& options, const std::string& name, const std::string& flags) {
   count_compile_step();
   const std::string source = program_source(name, options.kernel_directory);
-  const BinaryCache cache(options.cache_directory);
+  // PoCL keeps its own, and would compile every kernel once more, for any size of launch, to hand a binary
+  // out.
+  const bool kept = options.cache_directory.empty() && info.platform == kPocl;
+  const BinaryCache cache(kept ? "none" : options.cache_directory);
   const std::string key = cache_key(info, flags, source);
   if (const auto binary = cache.load(key)) try {
       return from_binary(context, device, *binary, flags);
     } catch (const cl::Error&) {  // a driver that no longer takes its own binary: a miss
     }
   const cl::Program program = from_source(context, device, name, source, flags);
+  if (cache.path(key).empty()) return program;
   try {
     const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
     if (binaries.size() == 1) cache.store(key, binaries[0]);

@@ -243,7 +243,7 @@ struct DeviceOptions {
   std::size_t number = 0;  // of the devices that the process uses: whose budget its arrays are charged to
   std::string kernel_directory = {};  // "" = embedded sources; else read .cl files from there (development)
   std::string cache_directory =
-      {};  // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact; "none" = no disk cache
+      {};  // "" = $XDG_CACHE_HOME/teletact or ~/.cache/teletact, or PoCL's own; "none" = no disk cache
   bool profiling = false;
   std::uint64_t max_array_bytes = 0;  // 0 = what the device allows; less, as tests of full memory must
   bool hide_double = false;           // treat the device as one without double precision, as tests must

@@ -80,6 +80,8 @@ struct RawKernel {
 
 void count_compile_step();
 
+inline constexpr const char* kPocl = "Portable Computing Language";  // its platform's name
+
 // One device opened by the process: its programs are built at most once each.
 class Context {
  public:

@@ -207,7 +207,7 @@ Kernel Queue::kernel(std::string_view source, std::string_view name, Precision p
   kernel.raw_->log = state_->log;
   kernel.raw_->pace = state_->pace;
   kernel.raw_->work = state_->work;
-  kernel.raw_->of_pocl = state_->context->info().platform == "Portable Computing Language";
+  kernel.raw_->of_pocl = state_->context->info().platform == kPocl;
   kernel.raw_->name = name;
   kernel.raw_->device = state_->context->options().number;
   return kernel;
