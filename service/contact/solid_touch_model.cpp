@@ -7,7 +7,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "service/base/choices.h"
 #include "service/contact/plane_touch_model.h"
+#include "service/contact/solid_contact.h"
 #include "service/contact/solid_layer.h"
 #include "service/device/device.h"
 
@@ -171,6 +173,19 @@ void SolidTouchModel::make_ready(State& state, std::size_t index, const std::sha
   own.error = std::move(error);
   own.retry = std::chrono::steady_clock::now() + kRetry;
   if (index == 0) state.before.reset();
+}
+
+void warm_solids(const std::shared_ptr<Device>& device) {
+  for (const auto& [nx, nz] : {std::pair<std::size_t, std::size_t>{64, 64}, {128, 64}, {64, 32}}) {
+    SolidTissue tissue{{nx, nz, 0.002, 0.002, {0, 0.005, 0.010}}, {}, 0.49};
+    for (std::size_t n = 0; n < tissue.grid.elements(); ++n)
+      tissue.youngs_modulus_pa.push_back(n % nx < nx / 2 ? 1e4 : 2e4);
+    SolidContact<float> contact(device->queue(), tissue);
+    const double middle_m = tissue.grid.spacing_x_m * static_cast<double>(nx / 2);
+    contact.correct({}, {middle_m, 0.001, middle_m}, choices::kLawShare);
+    std::mutex solving;
+    contact.learn_shares(device->queue(), solving);
+  }
 }
 
 }  // namespace teletact::service

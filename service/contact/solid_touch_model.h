@@ -83,4 +83,8 @@ class SolidTouchModel final : public TouchModel {
   const std::shared_ptr<State> state_;
 };
 
+// Compiles what touch and imaging of solids use of the device. Fourier transforms are compiled for each pair
+// of sizes: those of usual scenes, and of usual probes.
+void warm_solids(const std::shared_ptr<Device>&);
+
 }  // namespace teletact::service

@@ -258,7 +258,10 @@ class TissueModels final : public TouchModels {
     return std::make_shared<const SolidTouchModel>(solid_block(solid->block, e, slice), account, solid);
   }
 
-  void warm(const std::shared_ptr<Device>& device) const override { warm_iterative(device); }
+  void warm(const std::shared_ptr<Device>& device) const override {
+    warm_iterative(device);
+    warm_solids(device);
+  }
 };
 
 }  // namespace
