@@ -12,6 +12,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "service/base/memory.h"
@@ -187,10 +188,18 @@ class Queue {
   [[nodiscard]] Arrival fetch(const Array<T>& a, T* host, std::size_t count) const {
     return fetch_bytes(*a.raw_, host, count * sizeof(T));
   }
-  // As write, but it returns at once: a copy is kept until the items have arrived.
+  // As write, but it returns at once: the items, or a copy of them, are held until they have arrived.
+  template <class T>
+  void send(Array<T>& a, const std::shared_ptr<std::vector<T>>& host, std::size_t offset = 0) const {
+    send_bytes(*a.raw_, host, host->data(), host->size() * sizeof(T), offset * sizeof(T));
+  }
+  template <class T>
+  void send(Array<T>& a, std::vector<T> host, std::size_t offset = 0) const {
+    send(a, std::make_shared<std::vector<T>>(std::move(host)), offset);
+  }
   template <class T>
   void send(Array<T>& a, const T* host, std::size_t count, std::size_t offset = 0) const {
-    send_bytes(*a.raw_, host, count * sizeof(T), offset * sizeof(T));
+    send(a, std::vector<T>(host, host + count), offset);
   }
   template <class T>
   void copy(const Array<T>& from, Array<T>& to) const {
@@ -229,7 +238,8 @@ class Queue {
   void write_bytes(RawBuffer&, const void*, std::size_t bytes, std::size_t offset) const;
   void read_bytes(const RawBuffer&, void*, std::size_t bytes, std::size_t offset) const;
   Arrival fetch_bytes(const RawBuffer&, void*, std::size_t bytes) const;
-  void send_bytes(RawBuffer&, const void*, std::size_t bytes, std::size_t offset) const;
+  void send_bytes(RawBuffer&, std::shared_ptr<const void> held, const void*, std::size_t bytes,
+                  std::size_t offset) const;
   void copy_bytes(const RawBuffer&, RawBuffer&, std::size_t bytes) const;
   void zero_bytes(RawBuffer&, std::size_t bytes) const;
   struct State;

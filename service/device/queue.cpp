@@ -247,17 +247,17 @@ void Queue::write_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, 
   });
 }
 
-void Queue::send_bytes(RawBuffer& buffer, const void* host, std::size_t bytes, std::size_t offset) const {
+void Queue::send_bytes(RawBuffer& buffer, std::shared_ptr<const void> held, const void* host,
+                       std::size_t bytes, std::size_t offset) const {
   if (state_->sent_bytes + bytes > kMaxSentBytes) return write_bytes(buffer, host, bytes, offset);
   check_range(buffer, bytes, offset);
   if (bytes == 0) return;
-  const auto* from = static_cast<const std::byte*>(host);
-  const std::vector<std::byte>& copy = state_->sent.emplace_back(from, from + bytes);
+  state_->sent.push_back(std::move(held));
   state_->sent_bytes += bytes;
   state_->work->bytes_to += bytes;
   ++state_->work->copies;
   guarded("writing to the device",
-          [&] { state_->queue.enqueueWriteBuffer(buffer.buffer, CL_FALSE, offset, bytes, copy.data()); });
+          [&] { state_->queue.enqueueWriteBuffer(buffer.buffer, CL_FALSE, offset, bytes, host); });
 }
 
 void Queue::read_bytes(const RawBuffer& buffer, void* host, std::size_t bytes, std::size_t offset) const {

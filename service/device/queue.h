@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "service/device/opencl.h"
@@ -11,7 +12,7 @@ namespace teletact::service {
 
 struct Queue::State {
   explicit State(std::shared_ptr<Context>);
-  ~State();  // what is on its way still needs its copies
+  ~State();  // what is on its way is still needed
   State(const State&) = delete;
   State& operator=(const State&) = delete;
   std::shared_ptr<Context> context;
@@ -20,7 +21,7 @@ struct Queue::State {
   std::shared_ptr<DeviceWork> work = std::make_shared<DeviceWork>();
   cl::CommandQueue queue;
   MemoryAccount account;
-  std::vector<std::vector<std::byte>> sent;  // copies of what may still be on its way to the device
+  std::vector<std::shared_ptr<const void>> sent;  // what may still be on its way to the device
   std::size_t sent_bytes = 0;
   void arrived();  // all of it, as after a blocking command; counts the wait and looks up
   // On a thread that looks up no more is moved at once than takes some milliseconds.

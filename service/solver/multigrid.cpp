@@ -162,7 +162,7 @@ void Multigrid<T, W>::set_header(const std::vector<std::vector<std::uint8_t>>& f
       header[at + static_cast<std::size_t>(level.stride)] = free[l][2 * n + 1];
     }
   }
-  queue_.send(constants_, header.data(), header.size());
+  queue_.send(constants_, std::move(header));
 }
 
 // Operator and smoother of a level.
@@ -226,7 +226,7 @@ void Multigrid<T, W>::invert_coarsest(const std::vector<double>& stencil) {
     for (std::size_t b = 0; b < n; ++b)
       padded[(2 * (a % 2 * span + place(a / 2)) + b % 2) * row + place(b / 2)] =
           static_cast<W>(dense[a * n + b]);
-  queue_.send(constants_, padded.data(), padded.size(), static_cast<std::size_t>(level.stencil));
+  queue_.send(constants_, std::move(padded), static_cast<std::size_t>(level.stencil));
 }
 
 template <class T, class W>

@@ -110,8 +110,7 @@ void Pcg<T>::begin(LinearOperator<T>& preconditioner, std::size_t count, Array<T
   if (const std::size_t size = (kPcgFields + kPcgHistory * options_.max_iterations) * capacity_;
       scalars_.size() < size)
     scalars_ = queue_.array<T>(size);
-  const std::vector<T> scalars = pcg_scalars<T>(count, initial_energy, absolute_error);
-  queue_.send(scalars_, scalars.data(), scalars.size());
+  queue_.send(scalars_, pcg_scalars<T>(count, initial_energy, absolute_error));
   queue_.fill_zero(x);
   preconditioner.apply(r, z_, count);
   dot_two(r, z_, r, r, count);

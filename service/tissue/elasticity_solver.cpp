@@ -122,7 +122,7 @@ std::vector<double> ElasticitySolver::forces_in(const Units& units, Vectors u) {
   if (exact_) {
     std::unique_ptr<Elasticity<double>>& other = in_other_units_[units.modulus];
     if (!other) other = std::make_unique<Elasticity<double>>(queue_, in_units(tissue_, units), units.length);
-    queue_.send(exact_u_, other_u.data(), force.size());
+    queue_.send(exact_u_, std::move(other_u));
     other->apply_unconstrained(exact_u_, exact_f_, u.size() / dofs());
     queue_.read(exact_f_, force.data(), force.size());
   } else {

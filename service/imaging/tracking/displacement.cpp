@@ -59,11 +59,13 @@ struct DisplacementEstimator::Workspace {
   float period;  // of the carrier, samples
   Padding pad;
   Frames frames, filtered_frames;
-  bool matched = false;                     // the refinement works on the filtered frames
-  Array<float> mean, difference;            // of the pair; `mean` also holds a warped post
-  Array<float> taps, series;                // of interpolation
-  Array<float> field, candidate, filtered;  // 2 per node of the largest grid
-  Array<float> deviation;                   // 1 per node
+  Charge held;                                              // of these two:
+  std::shared_ptr<std::vector<float>> host_pre, host_post;  // the frames on their way to the device
+  bool matched = false;                                     // the refinement works on the filtered frames
+  Array<float> mean, difference;                            // of the pair; `mean` also holds a warped post
+  Array<float> taps, series;                                // of interpolation
+  Array<float> field, candidate, filtered;                  // 2 per node of the largest grid
+  Array<float> deviation;                                   // 1 per node
   // 1 per line: where it holds echoes, and where it does so all about.
   Array<EchoSpan> pre_spans, post_spans, pre_inner, post_inner;
   std::unique_ptr<Search> search;
@@ -88,6 +90,7 @@ void DisplacementEstimator::Workspace::allocate(const Queue& q, const Displaceme
     *image = q.array<float>(pad.total);
     q.fill_zero(*image);
   }
+  held = q.account().charge(Place::kHost, "frames", 2 * sizeof(float) * pad.total);
   taps = q.array(interpolation_taps());
   series = q.array(interpolation_series());
   search = std::make_unique<Search>(q, plan, pad);
@@ -217,8 +220,8 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
   }
   Workspace& w = *work_;
   int end = 0;  // of both frames
-  const auto load = [&](const RfFrame& frame, Array<float>& image, Array<EchoSpan>& spans,
-                        Array<EchoSpan>& inner) {
+  const auto load = [&](const RfFrame& frame, std::shared_ptr<std::vector<float>>& host, Array<float>& image,
+                        Array<EchoSpan>& spans, Array<EchoSpan>& inner) {
     Echoes echoes = find_echoes(frame, geometry);
     std::vector<EchoSpan>& lines = echoes.lines;
     if (&frame == &pre) end = still_from(pre, post, echoes.step);
@@ -226,14 +229,16 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
       span.end = std::min(span.end, std::max(end, span.first));
       span.first = std::max(span.first, std::min(first, span.end));
     }
-    queue_.send(image, padded(frame, w.pad, lines).data(), w.pad.total);
-    queue_.send(spans, lines.data(), lines.size());
-    lines = away_from_silence(lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
-                              half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m));
-    queue_.send(inner, lines.data(), lines.size());
+    if (host.use_count() != 1) grow(*(host = std::make_shared<std::vector<float>>()), w.pad.total);
+    write_into(*host, frame, w.pad, lines);
+    queue_.send(image, host);
+    queue_.send(spans, lines);
+    queue_.send(inner,
+                away_from_silence(lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
+                                  half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m)));
   };
-  load(pre, w.frames.pre, w.pre_spans, w.pre_inner);
-  load(post, w.frames.post, w.post_spans, w.post_inner);
+  load(pre, w.host_pre, w.frames.pre, w.pre_spans, w.pre_inner);
+  load(post, w.host_post, w.frames.post, w.post_spans, w.post_inner);
   w.matched = false;
   search();
   check_cancelled();

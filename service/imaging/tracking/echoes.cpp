@@ -138,10 +138,10 @@ std::vector<int> bright_rows(const Echoes& echoes) {
   return bright;
 }
 
-// Correlation of the frames without any motion, row by row.
-std::vector<float> alike_rows(const RfFrame& pre, const RfFrame& post, int rows, int step) {
+// Correlation of rows of the frames without any motion.
+std::vector<float> alike_rows(const RfFrame& pre, const RfFrame& post, int first, int end, int step) {
   std::vector<float> alike;
-  for (int r = 0; r < rows; ++r) {
+  for (int r = first; r < end; ++r) {
     check_cancelled();
     double own = 0, other = 0, both = 0;
     for (std::size_t l = 0; l < pre.line_count; ++l)
@@ -161,7 +161,7 @@ int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeome
   const Echoes echoes = find_echoes(pre, geometry);
   const std::vector<int> bright = bright_rows(echoes);
   if (bright.empty()) return 0;
-  const std::vector<float> alike = alike_rows(pre, post, echoes.rows, echoes.step);
+  const std::vector<float> alike = alike_rows(pre, post, 0, echoes.rows, echoes.step);
   for (auto row = bright.rbegin(); row != bright.rend(); ++row) {
     const auto above = alike.begin() + std::max(*row - kThick, 1), below = alike.begin() + *row + kThick;
     const auto silent = std::ranges::count_if(echoes.lines, [&](const EchoSpan& span) {
@@ -177,14 +177,14 @@ int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeome
 int still_from(const RfFrame& pre, const RfFrame& post, int step) {
   constexpr float kStill = 0.95f, kMoving = 0.5f;
   const int rows = static_cast<int>(pre.sample_count) / step;
-  const std::vector<float> alike = alike_rows(pre, post, rows, step);
   int first = rows;
-  while (first > 0 && alike[static_cast<std::size_t>(first) - 1] > kStill) --first;
+  while (first > 0 && alike_rows(pre, post, first - 1, first, step)[0] > kStill) --first;
   const auto about = static_cast<int>(kAbout);
   if (first <= about || rows - first < about) return static_cast<int>(pre.sample_count);
   // It may begin within the row before.
-  const auto above = alike.begin() + first - 1;
-  return typical({above - about, above}) < kMoving ? (first - 1) * step : static_cast<int>(pre.sample_count);
+  return typical(alike_rows(pre, post, first - 1 - about, first - 1, step)) < kMoving
+             ? (first - 1) * step
+             : static_cast<int>(pre.sample_count);
 }
 
 std::vector<EchoSpan> away_from_silence(const std::vector<EchoSpan>& lines, int samples, int half_lines,

@@ -111,20 +111,26 @@ Padding padding(const RfFrame& frame, int samples, int lines) {
   return p;
 }
 
-std::vector<float> padded(const RfFrame& frame, const Padding& p, const std::vector<EchoSpan>& spans) {
-  std::vector<float> out;
-  grow(out, p.total);
+void write_into(std::vector<float>& image, const RfFrame& frame, const Padding& p,
+                const std::vector<EchoSpan>& spans) {
+  const auto samples = static_cast<std::ptrdiff_t>(frame.sample_count);
   const float offset = converter_offset(frame);
   for (std::size_t l = 0; l < frame.line_count; ++l) {
     check_cancelled();
-    const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l * frame.sample_count);
-    const EchoSpan heard = spans.empty() ? EchoSpan{0, static_cast<int>(frame.sample_count)} : spans[l];
-    std::transform(
-        line + heard.first, line + heard.end,
-        out.begin() + p.layout.origin + static_cast<std::ptrdiff_t>(l) * p.layout.stride + heard.first,
-        [offset](float sample) { return sample - offset; });
+    const auto line = frame.samples.begin() + static_cast<std::ptrdiff_t>(l) * samples;
+    const auto to = image.begin() + p.layout.origin + static_cast<std::ptrdiff_t>(l) * p.layout.stride;
+    std::fill(to, to + spans[l].first, 0.0f);
+    std::transform(line + spans[l].first, line + spans[l].end, to + spans[l].first,
+                   [offset](float sample) { return sample - offset; });
+    std::fill(to + spans[l].end, to + samples, 0.0f);
   }
-  return out;
+}
+
+std::vector<float> padded(const RfFrame& frame, const Padding& p) {
+  std::vector<float> image;
+  grow(image, p.total);
+  write_into(image, frame, p, {frame.line_count, {0, static_cast<int>(frame.sample_count)}});
+  return image;
 }
 
 void validate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry) {

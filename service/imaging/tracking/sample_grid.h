@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include "service/device/device.h"
@@ -19,9 +20,9 @@ inline Range over(auto nodes) {
 
 // An array of `host`, on its way.
 template <class T>
-Array<T> sent(const Queue& queue, const std::vector<T>& host) {
+Array<T> sent(const Queue& queue, std::vector<T> host) {
   auto array = queue.array<T>(host.size());
-  queue.send(array, host.data(), host.size());
+  queue.send(array, std::move(host));
   return array;
 }
 
@@ -64,9 +65,11 @@ struct EchoSpan {
   bool operator==(const EchoSpan&) const = default;
 };
 
-// The frame with its padding, without what a converter added to the echoes: it moves with no tissue. Zeros
-// outside of the spans, one for each line; without any: the whole frame.
-std::vector<float> padded(const RfFrame&, const Padding&, const std::vector<EchoSpan>& = {});
+// Writes the frame into an image whose padding is there, without what a converter added to the echoes: it
+// moves with no tissue. Zeros outside of the spans, one for each line.
+void write_into(std::vector<float>& image, const RfFrame&, const Padding&, const std::vector<EchoSpan>&);
+// The whole frame with its padding.
+std::vector<float> padded(const RfFrame&, const Padding&);
 
 // Throws std::invalid_argument naming the field and the remedy: sizes, NaN or infinite samples, frames of
 // unequal size, frequencies, sound speed, pitch, depth.

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "service/device/cancellation.h"
@@ -155,7 +156,7 @@ void Search::coarse(SearchKernels& kernels, const Array<EchoSpan>& spans, const 
   std::vector<int> whole;
   whole.reserve(axial.size());
   for (const float lag : axial) whole.push_back(static_cast<int>(std::lround(lag)));
-  queue_.send(axial_lags_, whole.data(), whole.size());
+  queue_.send(axial_lags_, std::move(whole));
   kernels.laterals_at(over(g.nodes() * lags.laterals), coarse_volume_, spans, axial_lags_, laterals_at_, g,
                       lags.chunks, lags.laterals);
   const LagVolume across{g.nx, g.ny, lags.laterals, queue_.read(laterals_at_)};
@@ -166,7 +167,7 @@ void Search::coarse(SearchKernels& kernels, const Array<EchoSpan>& spans, const 
     found.push_back((lateral[n] - static_cast<float>(middle)) * static_cast<float>(lags.lateral_step));
     found.push_back(static_cast<float>(lags.first) + axial[n]);
   }
-  queue_.send(field, found.data(), found.size());
+  queue_.send(field, std::move(found));
 }
 
 void Search::fine(SearchKernels& kernels, const Array<EchoSpan>& spans, const Array<float>& pre,
