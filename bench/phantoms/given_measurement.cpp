@@ -44,7 +44,7 @@ service::Measured measured_of(const service::Queue& queue, const GivenDisplaceme
   for (std::size_t c = 0; c < 2; ++c) {
     structure->response[c] =
         service::NoiseResponse(service::SmootherResponse{1, 1, 3, 1}, kInformation, 1, 1);
-    const service::DeviationTable whole = structure->response[c].table([](double, double) { return 1.0; });
+    const service::DeviationTable whole = structure->response[c].deviation();
     structure->unit_m[c] = size_m[c] / static_cast<double>(whole[service::kBelowMedian]);
   }
   service::DisplacementEstimate displacement;

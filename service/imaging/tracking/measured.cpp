@@ -62,12 +62,8 @@ void StrainEstimator::propagate(const DisplacementEstimate& displacement, const 
           tables.push_back(static_cast<float>(scale * d));
       }
   };
-  add(true, [=](const NoiseResponse& r, bool along) {
-    return r.table(plane_slope(half_columns, half_rows, along));
-  });
-  add(true, [=](const NoiseResponse& r, bool along) {
-    return r.table(slope_rest(half_columns, half_rows, along));
-  });
+  add(true, [=](const NoiseResponse& r, bool along) { return r.slope(half_columns, half_rows, along); });
+  add(true, [=](const NoiseResponse& r, bool along) { return r.slope_rest(half_columns, half_rows, along); });
   add(false, [=](const NoiseResponse& r, bool along) {
     return r.slope_bias_over_seen(half_columns, half_rows, along);
   });

@@ -10,167 +10,156 @@ namespace teletact::service {
 
 namespace {
 
-constexpr int kWaves = 32;  // per direction, midpoints of [0, pi]
+using Axis = Eigen::Array<double, kWaves, 1>;  // at the wave numbers of one direction
 
-double wave(int n) {
-  return std::numbers::pi * (n + 0.5) / kWaves;
+Axis over_axis(auto&& f) {
+  Axis values;
+  for (int n = 0; n < kWaves; ++n) values[n] = f(std::numbers::pi * (n + 0.5) / kWaves);
+  return values;
 }
 
-// Share of the hat functions' power at wave number k: neighbours overlap by sum hat hat' / sum hat.
-double hat_share(int step, double k) {
+Waves product(const Axis& along, const Axis& down) {
+  return along.matrix() * down.matrix().transpose();
+}
+
+// Share of the hat functions' power: neighbours overlap by sum hat hat' / sum hat.
+Axis hat_share(int step) {
   double own = 0, next = 0;
   for (int n = -step; n <= step; ++n) {
     const double hat = 1 - std::abs(n) / static_cast<double>(step);
     own += hat * hat / step;
     if (n >= 0) next += hat * (1 - hat) / step;
   }
-  return own + 2 * next * std::cos(k);
+  return over_axis([=](double k) { return own + 2 * next * std::cos(k); });
 }
 
 // Mean over 2 radius + 1 nodes.
-double box(int radius, double k) {
-  double sum = 1;
-  for (int n = 1; n <= radius; ++n) sum += 2 * std::cos(n * k);
-  return sum / (2 * radius + 1);
+Axis box(int radius) {
+  return over_axis([=](double k) {
+    double sum = 1;
+    for (int n = 1; n <= radius; ++n) sum += 2 * std::cos(n * k);
+    return sum / (2 * radius + 1);
+  });
+}
+
+// Over the directions of a kernel: of `half` nodes along or down, a mean across.
+Waves over_kernel(auto&& of, int half_columns, int half_rows, bool along) {
+  return along ? product(of(half_columns), box(half_rows)) : product(box(half_columns), of(half_rows));
 }
 
 // Of a least-squares plane, over i.
-double slope(int half_columns, int half_rows, bool along, double a, double d) {
-  const int half = along ? half_columns : half_rows;
-  const double k = along ? a : d;
-  double moment = 0, squares = 0;
-  for (int n = 1; n <= half; ++n) {
-    moment += 2 * n * std::sin(n * k);
-    squares += 2.0 * n * n;
-  }
-  return moment / squares * (along ? box(half_rows, d) : box(half_columns, a));
+Waves slope(int half_columns, int half_rows, bool along) {
+  const auto of = [](int half) {
+    return over_axis([half](double k) {
+      double moment = 0, squares = 0;
+      for (int n = 1; n <= half; ++n) {
+        moment += 2 * n * std::sin(n * k);
+        squares += 2.0 * n * n;
+      }
+      return moment / squares;
+    });
+  };
+  return over_kernel(of, half_columns, half_rows, along);
 }
 
 // What is left of it where its mean by a plane's weights is taken off.
-double rest(int half_columns, int half_rows, bool along, double a, double d) {
-  const int half = along ? half_columns : half_rows;
-  const double k = along ? a : d;
-  double sum = 0, weights = 0;
-  for (int n = -half; n <= half; ++n) {
-    const double weight = half * (half + 1) - n * n;
-    sum += weight * std::cos(n * k), weights += weight;
-  }
-  return slope(half_columns, half_rows, along, a, d) *
-         (1 - sum / weights * (along ? box(half_rows, d) : box(half_columns, a)));
+Waves rest(int half_columns, int half_rows, bool along) {
+  const auto of = [](int half) {
+    return over_axis([half](double k) {
+      double sum = 0, weights = 0;
+      for (int n = -half; n <= half; ++n) {
+        const double weight = half * (half + 1) - n * n;
+        sum += weight * std::cos(n * k), weights += weight;
+      }
+      return sum / weights;
+    });
+  };
+  return slope(half_columns, half_rows, along) * (1 - over_kernel(of, half_columns, half_rows, along));
 }
 
-template <class Function>
-std::vector<double> over_waves(const Function& f) {
-  std::vector<double> values;
-  for (int j = 0; j < kWaves; ++j)
-    for (int i = 0; i < kWaves; ++i) values.push_back(f(wave(i), wave(j)));
-  return values;
+Waves wave_number(bool along) {
+  const Axis k = over_axis([](double wave) { return wave; });
+  return along ? product(k, Axis::Ones()) : product(Axis::Ones(), k);
+}
+
+// Power of the displacement at a jump of strain.
+Waves jump() {
+  const Waves squared = wave_number(true).square() + wave_number(false).square();
+  return 1 / (squared.square() * squared.sqrt());
+}
+
+// Root of a quotient, 0 of nothing seen.
+float over_seen(double off, double seen) {
+  return static_cast<float>(seen > 0 ? std::sqrt(off / seen) : 0);
 }
 
 }  // namespace
 
 // Each step the pixels pull towards themselves and the edges towards the mean gradient.
 NoiseResponse::NoiseResponse(const SmootherResponse& s, double median, int line_step, int sample_step)
-    : median_(median) {
+    : median_(median), shares_(product(hat_share(line_step), hat_share(sample_step))) {
   const int r = s.gradient_radius;
-  const std::vector<double> shares =
-      over_waves([&](double a, double d) { return hat_share(line_step, a) * hat_share(sample_step, d); });
-  const std::vector<double> stiff = over_waves([&](double a, double d) {
-    return 2 * s.weight_along * (1 - std::cos(a)) + 2 * s.weight_down * (1 - std::cos(d));
-  });
-  const std::vector<double> pull = over_waves([&](double a, double d) {
-    return s.weight_along * std::sin(a) * std::sin(r * a) / r * box(r, d) +
-           s.weight_down * std::sin(d) * std::sin(r * d) / r * box(r, a);
-  });
+  const Axis one = Axis::Ones(), apart = over_axis([](double k) { return 2 * (1 - std::cos(k)); }),
+             pulled = over_axis([r](double k) { return std::sin(k) * std::sin(r * k) / r; });
+  const Waves stiff = s.weight_along * product(apart, one) + s.weight_down * product(one, apart);
+  edges_ = stiff - s.weight_along * product(pulled, box(r)) - s.weight_down * product(box(r), pulled);
   for (int entry = 0; entry < static_cast<int>(DeviationTable{}.size()); ++entry) {
     const double h = median * std::ldexp(1.0, entry - kBelowMedian);
-    for (std::size_t n = 0; n < shares.size(); ++n) {
-      double t = 0;
-      for (int step = 0; step < s.steps; ++step)  // T(k) of T2.3c
-        t += (h * shares[n] * (1 - t) - (stiff[n] - pull[n]) * t) / (h + stiff[n]);
-      power_.push_back(t * t / (h * shares[n]));
-      lost_.push_back(1 - t);
-      seen_.push_back(t * (stiff[n] - pull[n]) / h);
-    }
+    const Waves scale = 1 / (h + stiff);
+    Waves t = Waves::Zero();
+    for (int step = 0; step < s.steps; ++step)  // T(k) of T2.3c
+      t += scale * (h * shares_ * (1 - t) - edges_ * t);
+    entries_.push_back({h, t});
   }
 }
 
-DeviationTable NoiseResponse::table(const Response& squared) const {
-  const std::vector<double> gain =
-      over_waves([&](double a, double d) { return squared(a, d) / (kWaves * kWaves); });
+DeviationTable NoiseResponse::over_entries(auto&& of) const {
   DeviationTable table;
-  for (std::size_t entry = 0; entry < table.size(); ++entry) {
-    double variance = 0;
-    for (std::size_t n = 0; n < gain.size(); ++n) variance += gain[n] * power_[entry * gain.size() + n];
-    table[entry] = static_cast<float>(std::sqrt(variance));
-  }
+  std::ranges::transform(entries_, table.begin(), of);
   return table;
+}
+
+DeviationTable NoiseResponse::table(const Waves& squared) const {
+  const Waves gain = squared / shares_;
+  return over_entries([&](const Entry& e) {
+    return static_cast<float>(std::sqrt((gain * e.passed.square()).mean() / e.information));
+  });
+}
+
+DeviationTable NoiseResponse::deviation() const {
+  return table(Waves::Ones());
+}
+
+DeviationTable NoiseResponse::slope(int half_columns, int half_rows, bool along) const {
+  return table(service::slope(half_columns, half_rows, along).square());
+}
+
+DeviationTable NoiseResponse::slope_rest(int half_columns, int half_rows, bool along) const {
+  return table(rest(half_columns, half_rows, along).square());
 }
 
 DeviationTable NoiseResponse::bias_noise(int radius) const {
-  DeviationTable table{};
-  const std::vector<double> averaged =
-      over_waves([=](double a, double d) { return box(radius, a) * box(radius, d); });
-  for (std::size_t n = 0; n < seen_.size(); ++n) {
-    // power_ holds |T|^2 / (h m); of the bias seen only the edges' part differs from it.
-    const double edges = lost_[n] < 1 ? seen_[n] / (1 - lost_[n]) : 0;
-    table[n / averaged.size()] +=
-        static_cast<float>(power_[n] * std::pow(edges * averaged[n % averaged.size()], 2) /
-                           static_cast<double>(averaged.size()));
-  }
-  for (float& d : table) d = std::sqrt(d);
-  return table;
+  const Waves gain = (edges_ * product(box(radius), box(radius))).square() / shares_;
+  return over_entries([&](const Entry& e) {
+    return static_cast<float>(std::sqrt((gain * e.passed.square()).mean() / e.information) / e.information);
+  });
 }
 
 DeviationTable NoiseResponse::bias_over_seen(int radius) const {
-  DeviationTable table{};
-  const std::vector<double> averaged =
-      over_waves([=](double a, double d) { return box(radius, a) * box(radius, d); });
-  const std::vector<double> jump =
-      over_waves([](double a, double d) { return std::pow(std::hypot(a, d), -5); });
-  for (std::size_t entry = 0; entry * averaged.size() < seen_.size(); ++entry) {
-    double lost = 0, seen = 0;
-    for (std::size_t n = 0; n < averaged.size(); ++n) {
-      const std::size_t at = entry * averaged.size() + n;
-      lost += jump[n] * lost_[at] * lost_[at];
-      seen += jump[n] * std::pow(seen_[at] * averaged[n], 2);
-    }
-    table[entry] = static_cast<float>(seen > 0 ? std::sqrt(lost / seen) : 0);
-  }
-  return table;
+  const Waves power = jump(), force = power * (edges_ * product(box(radius), box(radius))).square();
+  return over_entries([&](const Entry& e) {
+    return e.information *
+           over_seen((power * (1 - e.passed).square()).sum(), (force * e.passed.square()).sum());
+  });
 }
 
 DeviationTable NoiseResponse::slope_bias_over_seen(int half_columns, int half_rows, bool along) const {
-  DeviationTable table{};
-  struct Wave {
-    double jump, true_slope, slope, rest;
-  };
-  std::vector<Wave> waves;
-  for (int j = 0; j < kWaves; ++j)
-    for (int i = 0; i < kWaves; ++i) {
-      const double a = wave(i), d = wave(j);
-      waves.push_back({std::pow(std::hypot(a, d), -5), along ? a : d,
-                       slope(half_columns, half_rows, along, a, d),
-                       rest(half_columns, half_rows, along, a, d)});
-    }
-  for (std::size_t entry = 0; entry * waves.size() < lost_.size(); ++entry) {
-    double off = 0, seen = 0;
-    for (std::size_t n = 0; n < waves.size(); ++n) {
-      const Wave& w = waves[n];
-      const double t = 1 - lost_[entry * waves.size() + n];
-      off += w.jump * std::pow(w.true_slope - w.slope * t, 2), seen += w.jump * std::pow(w.rest * t, 2);
-    }
-    table[entry] = static_cast<float>(seen > 0 ? std::sqrt(off / seen) : 0);
-  }
-  return table;
-}
-
-Response plane_slope(int half_columns, int half_rows, bool along) {
-  return [=](double a, double d) { return std::pow(slope(half_columns, half_rows, along, a, d), 2); };
-}
-
-Response slope_rest(int half_columns, int half_rows, bool along) {
-  return [=](double a, double d) { return std::pow(rest(half_columns, half_rows, along, a, d), 2); };
+  const Waves power = jump(), truth = wave_number(along),
+              found = service::slope(half_columns, half_rows, along),
+              seen = power * rest(half_columns, half_rows, along).square();
+  return over_entries([&](const Entry& e) {
+    return over_seen((power * (truth - found * e.passed).square()).sum(), (seen * e.passed.square()).sum());
+  });
 }
 
 namespace {

@@ -6,8 +6,8 @@
 // power.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
-#include <functional>
 #include <vector>
 
 namespace teletact::service {
@@ -20,8 +20,6 @@ namespace teletact::service {
 // h the information of a node (1 / variance), m(k) the share of it that hat functions leave at wave number k
 // (neighbouring nodes share pixels). Wave numbers in radians per node. No boundary: a node at the border
 // has up to twice the variance.
-// Squared response at (along, down), both in [0, pi].
-using Response = std::function<double(double along, double down)>;
 
 // Regularised estimate after `steps` Gauss-Newton steps; weights of the edges as refinement.h.
 struct SmootherResponse {
@@ -33,13 +31,21 @@ struct SmootherResponse {
 using DeviationTable = std::array<float, 32>;
 inline constexpr int kBelowMedian = 20;
 
+inline constexpr int kWaves = 32;  // along and down each, midpoints of [0, pi]
+using Waves = Eigen::Array<double, kWaves, kWaves>;
+
 class NoiseResponse {
  public:
   NoiseResponse() = default;
   // median: information that the tables are centred on; line_step, sample_step: of the hat functions.
   NoiseResponse(const SmootherResponse&, double median, int line_step, int sample_step);
-  // The functional with squared response `squared`.
-  DeviationTable table(const Response& squared) const;
+  DeviationTable deviation() const;
+  // Of the slopes that a least-squares plane over (2 half_columns + 1) x (2 half_rows + 1) nodes finds: along
+  // = true d/di, else d/dj, per node step.
+  DeviationTable slope(int half_columns, int half_rows, bool along) const;
+  // Of such a slope less its own mean over that kernel, a parabola along it and a box across, as the plane
+  // weighs the slopes within (T2.4).
+  DeviationTable slope_rest(int half_columns, int half_rows, bool along) const;
   // The bias that the smoother's edges show, their pull over the information, averaged over (2 radius +
   // 1)^2 nodes: its deviation by noise alone; and what the bias truly is over what is seen so, root mean
   // square for a jump of strain across a curve (power of the displacement ~ k^-5). Zeros without edges.
@@ -50,17 +56,16 @@ class NoiseResponse {
   double median() const { return median_; }
 
  private:
+  struct Entry {
+    double information;
+    Waves passed;  // T
+  };
+  DeviationTable over_entries(auto&& of) const;
+  DeviationTable table(const Waves& squared_response) const;
   double median_ = 1;
-  std::vector<double> power_;        // |T|^2 / (h m) of every entry and wave number
-  std::vector<double> lost_, seen_;  // 1 - T; T times the edges' force over h
+  Waves shares_, edges_;  // m; the force of the edges
+  std::vector<Entry> entries_;
 };
-
-// Squared response of the slopes that a least-squares plane over (2 half_columns + 1) x (2 half_rows + 1)
-// nodes finds: along = true d/di, else d/dj, per node step.
-Response plane_slope(int half_columns, int half_rows, bool along);
-// Of such a slope less its own mean over that kernel, a parabola along it and a box across, as the plane
-// weighs the slopes within (T2.4).
-Response slope_rest(int half_columns, int half_rows, bool along);
 
 // r(lag, lateral) per pixel, [lateral][lag], axial lags 0 .. lags - 1, lateral lags 0 .. laterals - 1.
 struct Autocorrelations {

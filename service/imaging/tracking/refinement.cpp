@@ -119,7 +119,7 @@ Autocorrelations Refinement::measure(const ImagePair& images, bool robust, Array
   std::vector<float> numbers;
   for (const std::array<double, 2>& of : {noise.spread, noise.sensitivity})
     for (const double number : of) numbers.push_back(static_cast<float>(number));
-  queue_.send(model_, numbers.data(), numbers.size(), kNoise);
+  queue_.send(model_, std::move(numbers), kNoise);
   gather(images, robust, correlation);
   return a;
 }
@@ -237,7 +237,7 @@ void Refinement::look_up(const NoiseStructure& noise, const std::vector<int>& ra
       tables.insert(tables.end(), table.begin(), table.end());
     }
   };
-  add([](const NoiseResponse& r) { return r.table([](double, double) { return 1.0; }); });
+  add([](const NoiseResponse& r) { return r.deviation(); });
   add([](const NoiseResponse& r) { return r.bias_noise(kBiasRadius); });
   add([](const NoiseResponse& r) { return r.bias_over_seen(kBiasRadius); });
   kernels_->uncertainty(over(grid_.nodes()), information_, bias_, sent(queue_, tables), sent(queue_, radii),

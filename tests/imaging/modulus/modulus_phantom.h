@@ -129,7 +129,7 @@ class Phantom {
       for (const double s : size_m) std_m.push_back(static_cast<float>(s));
     for (std::size_t c = 0; c < 2; ++c) {
       noise->response[c] = NoiseResponse(SmootherResponse{1, 1, 3, 1}, kInformation, 1, 1);
-      const DeviationTable whole = noise->response[c].table([](double, double) { return 1.0; });
+      const DeviationTable whole = noise->response[c].deviation();
       noise->unit_m[c] = size_m[c] / static_cast<double>(whole[kBelowMedian]);
     }
     displacement_.std_m = queue_.array(std_m);

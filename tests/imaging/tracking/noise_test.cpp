@@ -110,7 +110,7 @@ double exact_deviation(const SmootherResponse& s, double h, int line_step, int s
 TEST(NoiseResponse, DeviationOfTheSmootherIsThatOfTheMatrices) {
   const SmootherResponse smoother{3.0, 4.5, 3, 2};
   const NoiseResponse response(smoother, 1.3, 2, 21);
-  const double got = response.table([](double, double) { return 1.0; })[kBelowMedian];
+  const double got = response.deviation()[kBelowMedian];
   EXPECT_NEAR(got, exact_deviation(smoother, 1.3, 2, 21), 0.02 * got);
 }
 
@@ -132,7 +132,7 @@ TEST(NoiseResponse, WhatIsSeenOfTheSmoothingsBiasIsLessThanItIs) {
 // The slope of a least-squares line through independent nodes: variance / (sum of squares x columns).
 TEST(NoiseResponse, SlopeOfIndependentNodesIsTextbook) {
   const NoiseResponse response(SmootherResponse{0, 0, 3, 1}, 2.0, 1, 1);
-  const double got = response.table(plane_slope(1, 3, false))[kBelowMedian];
+  const double got = response.slope(1, 3, false)[kBelowMedian];
   EXPECT_NEAR(got, std::sqrt(0.5 / (28.0 * 3)), 1e-3 * got);
 }
 
