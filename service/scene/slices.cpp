@@ -120,16 +120,40 @@ std::size_t element(const std::vector<double>& nodes_m, double at_m) {
   return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
 }
 
+// Of what a contact feels of each row, what each slice tells: ln E is interpolated between them.
+std::vector<std::vector<double>> told_shares(const ExplicitModulus& e, const FeltElements& felt) {
+  std::vector<std::vector<double>> out(e.slices_m.size(), std::vector<double>(e.y_m.size() - 1, 0.0));
+  for (std::size_t j = 0; j + 1 < e.y_m.size(); ++j) {
+    double before = 0;
+    for (std::size_t n = 0; n < out.size(); ++n) {
+      const double up_to = felt.before(j, e.slices_m[n]), borne = up_to - std::exchange(before, up_to);
+      if (n == 0) {
+        out[0][j] = borne;
+        continue;
+      }
+      const double begin_m = e.slices_m[n - 1], gap_m = e.slices_m[n] - begin_m,
+                   moment = felt.moment_before(j, e.slices_m[n]) - felt.moment_before(j, begin_m),
+                   after = std::clamp((moment + (felt.z_m() - begin_m) * borne) / gap_m, 0.0, borne);
+      out[n][j] += after, out[n - 1][j] += borne - after;
+    }
+    out.back()[j] += 1 - before;
+  }
+  return out;
+}
+
 // What a slice states, as a contact feels it.
-double stated_variance(const ExplicitModulus& e, std::size_t slice, const FeltElements& felt,
-                       double radius_m) {
-  if (e.log_deviation.empty()) return 0;
+struct StatedVariance {
+  double alike = 0;              // of what is wrong in many places, so in its neighbours as well,
+  std::vector<double> by_place;  // and of what is known element by element; empty: nothing is known of that
+};
+
+StatedVariance stated_by(const ExplicitModulus& e, std::size_t slice, const FeltElements& felt) {
+  StatedVariance out;
   const std::size_t plane = e.log_deviation.size() / e.slices();
   const double* deviation = e.log_deviation.data() + slice * plane;
-  double own = 0;
   if (e.log_modes.empty() || e.log_modes[slice].empty()) {
-    felt.each([&](std::size_t n, double share) { own += share * squared(deviation[n]); });
-    return own;
+    felt.each([&](std::size_t n, double share) { out.alike += share * squared(deviation[n]); });
+    return out;
   }
   const std::vector<float>& modes = e.log_modes[slice];
   std::vector<double> change(modes.size() / plane, 0.0);
@@ -139,17 +163,45 @@ double stated_variance(const ExplicitModulus& e, std::size_t slice, const FeltEl
       const double of_element = modes[n + k * plane];
       change[k] += share * of_element, alike += squared(of_element);
     }
-    own += share * std::max(0.0, squared(deviation[n]) - alike);
+    out.by_place.push_back(std::max(0.0, squared(deviation[n]) - alike));
   });
-  double variance = left_of_local(radius_m, choices::kLocalCorrelation) * own;
-  for (const double of : change) variance += squared(of);
-  return variance;
+  for (double of : change) out.alike += squared(of);
+  return out;
 }
 
 double stated_variance(const ExplicitModulus& e, const FeltElements& felt, const FeltPlace& place) {
+  constexpr double kLeast = 0.01;  // of a contact: slices that tell less are not felt
+  if (e.log_deviation.empty()) return 0;
   const Between at = between(e, place.z_m);
-  const double before = (1 - at.share) * stated_variance(e, at.before, felt, place.radius_m);
-  return at.share > 0 ? before + at.share * stated_variance(e, at.after, felt, place.radius_m) : before;
+  const std::vector<std::vector<double>> shares = told_shares(e, felt);
+  const std::size_t columns = e.x_m.size() - 1;
+  struct FeltSlice {
+    double z_m;
+    const std::vector<double>& shares;
+    StatedVariance stated;
+  };
+  double alike = 0;
+  std::vector<FeltSlice> slices;
+  for (std::size_t n = 0; n < shares.size(); ++n) {
+    const double near = n == at.before ? 1 - at.share : n == at.after ? at.share : 0;
+    if (near == 0 && *std::ranges::max_element(shares[n]) < kLeast) continue;
+    FeltSlice slice{e.slices_m[n], shares[n], stated_by(e, n, felt)};
+    alike += near * slice.stated.alike;
+    if (!slice.stated.by_place.empty()) slices.push_back(std::move(slice));
+  }
+  double by_place = 0;
+  for (const FeltSlice& a : slices)
+    for (const FeltSlice& b : slices) {
+      const double correlation = std::exp(-std::abs(a.z_m - b.z_m) / choices::kLocalCorrelation);
+      std::size_t nth = 0;
+      felt.each([&](std::size_t n, double share) {
+        const std::size_t j = n / columns;
+        by_place += correlation * share * a.shares[j] * b.shares[j] *
+                    std::sqrt(a.stated.by_place[nth] * b.stated.by_place[nth]);
+        ++nth;
+      });
+    }
+  return alike + left_of_local(place.radius_m, choices::kLocalCorrelation) * by_place;
 }
 
 void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits& limits) {
