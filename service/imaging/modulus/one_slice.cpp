@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "service/device/cancellation.h"
-#include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
 namespace {
@@ -29,16 +28,22 @@ constexpr double kNextPlane = 1.25;  // of the offset of the plane before
 VectorXd median_along(const VectorXd& field, const CellGrid& cells, Index reach) {
   const auto columns = static_cast<Index>(cells.columns);
   VectorXd out(field.size());
-  std::vector<double> values;
-  for (Index first = 0; first < field.size(); first += columns)
+  std::vector<double> window;  // in order
+  for (Index first = 0; first < field.size(); first += columns) {
+    const auto at = [&](Index k) {  // mirrored at the image's ends
+      const Index mirrored = k < 0 ? -1 - k : k < columns ? k : 2 * columns - 1 - k;
+      return field[first + std::clamp<Index>(mirrored, 0, columns - 1)];
+    };
+    window.clear();
+    for (Index k = -reach; k <= reach; ++k) window.push_back(at(k));
+    std::ranges::sort(window);
     for (Index i = 0; i < columns; ++i) {
-      values.clear();
-      for (Index k = i - reach; k <= i + reach; ++k) {  // mirrored at the image's ends
-        const Index mirrored = k < 0 ? -1 - k : k < columns ? k : 2 * columns - 1 - k;
-        values.push_back(field[first + std::clamp<Index>(mirrored, 0, columns - 1)]);
-      }
-      out[first + i] = median(values);
+      out[first + i] = window[window.size() / 2];
+      window.erase(std::ranges::lower_bound(window, at(i - reach)));
+      const double next = at(i + 1 + reach);
+      window.insert(std::ranges::upper_bound(window, next), next);
     }
+  }
   return out;
 }
 

@@ -162,10 +162,10 @@ class SolidModulusMethod : public ModulusMethod {
     while (out.iterations < steps) {
       check_cancelled();
       // First without the others, which hold up what this slice has not been given yet.
-      const bool first = out.iterations == 0, differs_little = out.iterations > (beside.empty() ? 0 : 1);
+      const bool first = out.iterations == 0;
       ProbedTissue::Response response;
       try {
-        response = pushed(fit, theta, tilt, first ? ProbedTissue::Planes{} : beside, differs_little);
+        response = pushed(fit, theta, tilt, first ? ProbedTissue::Planes{} : beside, !first);
       } catch (const std::invalid_argument&) {  // a map of noise may be
         if (first) throw;
         too_uneven = true;
