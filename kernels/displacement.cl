@@ -4,13 +4,12 @@
 // (axial). Vectors of 8 run along the axial axis; one work-item serves one node, so no barrier is needed.
 
 #include "frames.clh"
+#include "vectors.clh"
 
 #ifndef WORK_GROUP  // work-items of a group, all kernels of this file
 #define WORK_GROUP 32
 #endif
-#ifndef WARP_RUN  // consecutive samples of one work-item of warp
-#define WARP_RUN 16
-#endif
+#define WARP_RUN 16        // consecutive samples of one work-item of warp: a vector
 #ifndef MEDIAN_RADIUS_MAX  // largest radius of median_filter, in nodes
 #define MEDIAN_RADIUS_MAX 2
 #endif
@@ -35,63 +34,71 @@ float8 taps_at(__global const float* restrict taps, const float fraction, const 
   return t0 + (t - (float)phase) * (t1 - t0);
 }
 
-// Eight samples of a line interpolated `distance` (at most INTERPOLATION_RANGE) beside the four from lo[0]
-// and the four from hi[0] on. Taps are Chebyshev series in t = distance / range, [order][n] for n = 0 .. 3:
-// those of even orders are alike on both sides, those of odd ones opposite. The tap at distance 4, there on
-// the side of t only, and the gain that makes the taps' sum one are series in 2 |t| - 1 (interpolation.h).
+// Four samples each from four places on.
+float16 four_from(const float* strip, const int4 at) {
+  return (float16)(LOAD4_PRIVATE(strip + at.x), LOAD4_PRIVATE(strip + at.y), LOAD4_PRIVATE(strip + at.z),
+                   LOAD4_PRIVATE(strip + at.w));
+}
+
+// Sixteen samples of a line interpolated `distance` (at most INTERPOLATION_RANGE) beside the four from each
+// of `at` on. Taps are Chebyshev series in t = distance / range, [order][n] for n = 0 .. 3: those of even
+// orders are alike on both sides, those of odd ones opposite. The tap at distance 4, there on the side of t
+// only, and the gain that makes the taps' sum one are series in 2 |t| - 1 (interpolation.h).
 #define INTERPOLATION_RANGE 0.8f
-float8 between_samples(const float* lo, const float* hi, const float8 distance,
-                       __global const float* restrict series) {
-  const float8 t = distance * (1.0f / INTERPOLATION_RANGE);
-  const float8 own = (float8)(vload4(0, lo), vload4(0, hi));
-  float8 even[4], odd[3];
+float16 between_samples(const float* strip, const int4 at, const float16 distance,
+                        __global const float* restrict series) {
+  const float16 t = distance * (1.0f / INTERPOLATION_RANGE), own = four_from(strip, at);
+  float16 even[4], odd[3];
 #pragma unroll
   for (int k = 0; k < 4; ++k) even[k] = series[8 * k] * own;
 #pragma unroll
-  for (int k = 0; k < 3; ++k) odd[k] = (float8)(0.0f);
+  for (int k = 0; k < 3; ++k) odd[k] = (float16)(0.0f);
 #pragma unroll
   for (int n = 1; n < 4; ++n) {
-    const float8 before = (float8)(vload4(0, lo - n), vload4(0, hi - n)),
-                 after = (float8)(vload4(0, lo + n), vload4(0, hi + n));
-    const float8 sum = after + before, difference = after - before;
+    const float16 before = four_from(strip - n, at), after = four_from(strip + n, at);
+    const float16 sum = after + before, difference = after - before;
 #pragma unroll
-    for (int k = 0; k < 4; ++k) even[k] = fma((float8)(series[8 * k + n]), sum, even[k]);
+    for (int k = 0; k < 4; ++k) even[k] = fma((float16)(series[8 * k + n]), sum, even[k]);
 #pragma unroll
-    for (int k = 0; k < 3; ++k) odd[k] = fma((float8)(series[8 * k + 4 + n]), difference, odd[k]);
+    for (int k = 0; k < 3; ++k) odd[k] = fma((float16)(series[8 * k + 4 + n]), difference, odd[k]);
   }
-  const float8 far = select((float8)(vload4(0, lo - 4), vload4(0, hi - 4)),
-                            (float8)(vload4(0, lo + 4), vload4(0, hi + 4)), t > 0.0f);
+  const float16 far = select(four_from(strip - 4, at), four_from(strip + 4, at), t > 0.0f);
   __global const float* const c = series + 28;
-  const float8 s = 2.0f * fabs(t) - 1.0f, s2 = 2.0f * s * s - 1.0f, s3 = s * (2.0f * s2 - 1.0f);
-  const float8 s4 = 2.0f * s2 * s2 - 1.0f;
-  const float8 weight = c[0] + s * c[1] + s2 * c[2] + s3 * c[3] + s4 * c[4];
-  const float8 gain = c[5] + s * c[6] + s2 * c[7] + s3 * c[8] + s4 * c[9];
-  const float8 t2 = 2.0f * t * t - 1.0f, t3 = t * (2.0f * t2 - 1.0f), t4 = 2.0f * t2 * t2 - 1.0f;
-  const float8 t5 = 2.0f * t * t4 - t3, t6 = 2.0f * t3 * t3 - 1.0f;
+  const float16 s = 2.0f * fabs(t) - 1.0f, s2 = 2.0f * s * s - 1.0f, s3 = s * (2.0f * s2 - 1.0f);
+  const float16 s4 = 2.0f * s2 * s2 - 1.0f;
+  const float16 weight = c[0] + s * c[1] + s2 * c[2] + s3 * c[3] + s4 * c[4];
+  const float16 gain = c[5] + s * c[6] + s2 * c[7] + s3 * c[8] + s4 * c[9];
+  const float16 t2 = 2.0f * t * t - 1.0f, t3 = t * (2.0f * t2 - 1.0f), t4 = 2.0f * t2 * t2 - 1.0f;
+  const float16 t5 = 2.0f * t * t4 - t3, t6 = 2.0f * t3 * t3 - 1.0f;
   return gain * (weight * far + even[0] + t * odd[0] + t2 * even[1] + t3 * odd[1] + t4 * even[2] +
                  t5 * odd[2] + t6 * even[3]);
 }
 
-// The nearest whole number, give or take 1/500 at halves; |x| < 16384. Truncation alone is one instruction.
-int nearest(const float x) {
-  return (int)(x + 16384.5f) - 16384;
+// The whole number below and the nearest ones, give or take 1/500; |x| < 16384. Truncation alone is one
+// instruction.
+int below(const float x) {
+  return (int)(x + 16384.0f) - 16384;
+}
+int4 nearest(const float4 x) {
+  return convert_int4(x + 16384.5f) - 16384;
 }
 
-// Axial component of a field at `column` and the rows of eight consecutive samples, bilinear and held
-// constant outside as field_at(); they may not span more than two rows of nodes.
-float8 axial_along(__global const float2* restrict field, const int nx, const int ny, const float column,
-                   const float8 rows) {
+// Axial component of a field at `column` and the rows of sixteen consecutive samples, bilinear and held
+// constant outside as field_at(); they may not span more than three rows of nodes.
+float16 axial_along(__global const float2* restrict field, const int nx, const int ny, const float column,
+                    const float16 rows) {
   const float c = clamp(column, 0.0f, (float)(nx - 1));
-  const float8 r = clamp(rows, 0.0f, (float)(ny - 1));
+  const float16 r = clamp(rows, 0.0f, (float)(ny - 1));
   const int i = min((int)c, max(nx - 2, 0)), j = (int)r.s0, right = nx > 1 ? 1 : 0;
   const float s = c - (float)i;
-  float u[3];
-  for (int n = 0; n < 3; ++n) {
+  float u[4];
+  for (int n = 0; n < 4; ++n) {
     __global const float2* const p = field + i + nx * min(j + n, ny - 1);
     u[n] = p[0].y + s * (p[right].y - p[0].y);
   }
-  const float8 from_node = r - (float)j, beyond = fmax(from_node - 1.0f, 0.0f);
-  return u[0] + from_node * (u[1] - u[0]) + beyond * (u[2] - 2.0f * u[1] + u[0]);
+  const float16 from_node = r - (float)j;
+  return u[0] + from_node * (u[1] - u[0]) + fmax(from_node - 1.0f, 0.0f) * (u[2] - 2.0f * u[1] + u[0]) +
+         fmax(from_node - 2.0f, 0.0f) * (u[3] - 2.0f * u[2] + u[1]);
 }
 
 // Companding and motion compensation: post(x + u(x)) on the samples of pre, u bilinear between the nodes,
@@ -100,8 +107,8 @@ float8 axial_along(__global const float2* restrict field, const int nx, const in
 // across the lines, `series` along them. Writes either the warped frame (pair = 0), or the mean of pre and
 // warped post to `a` and their difference pre - warped to `b`, both zero where x or x + u lies outside of its
 // line's span of echoes (pair = 1); behind a line's end zeros. One item per run of a line: first the run's
-// strip of post, interpolated laterally, then its samples, eight at a time; per sample 4 vector loads, ~15
-// vector flops. |strain| <= 0.2 axially. Reads 3 lines before the frame and 4 behind it at most: of a line
+// strip of post, interpolated laterally, then its samples; per sample 5 loads of a vector of 4, ~8 vector
+// flops. |strain| <= 0.2 axially. Reads 3 lines before the frame and 4 behind it at most: of a line
 // outside, whatever stands nearest, which is not used.
 #define STRIP (WARP_RUN + 16)
 __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
@@ -118,14 +125,14 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
               rows_per_sample = 1.0f / (float)g.sample_step;
   const float middle = (float)(start + WARP_RUN / 2 - first_sample) * rows_per_sample;
   const float2 shift = field_at(field, nx, ny, column, middle);
-  const float x = (float)l + shift.x, whole_x = floor(x);
-  const int line = (int)whole_x, first = start + (int)floor(shift.y) - 7;
+  const float x = (float)l + shift.x;
+  const int line = below(x), first = start + below(shift.y) - 7;
   const bool inside = line >= 0 && line < line_count && first + STRIP > 0 && first < sample_count;
   const float2 own_span = convert_float2(pre_spans[l]),
                span = convert_float2(post_spans[clamp(line, 0, line_count - 1)]);
   float strip[STRIP];
   float16 sums[STRIP / 16];
-  const float8 across = taps_at(taps, x - whole_x, phases);
+  const float8 across = taps_at(taps, x - (float)line, phases);
   const float* const weights = (const float*)&across;
   __global const float* const p = post + layout.origin + clamp(line - 3, -3, line_count - 4) * stride +
                                   clamp(first, -STRIP, sample_count);
@@ -138,25 +145,20 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
       sums[v] = fma((float16)(weights[n]), vload16(v, p + n * stride), sums[v]);
 #pragma unroll
   for (int v = 0; v < STRIP / 16; ++v) vstore16(sums[v], v, strip);
-  const float8 lanes = (float8)(0.0f, 1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f, 7.0f);
-  for (int k = start; k < start + WARP_RUN; k += 8) {
-    const float8 samples = (float)k + lanes;
-    const float8 u = axial_along(field, nx, ny, column, (samples - (float)first_sample) * rows_per_sample);
-    const int lo = nearest(0.5f * (u.s0 + u.s3)), hi = nearest(0.5f * (u.s4 + u.s7));
-    const int from_lo = k + lo - first, from_hi = k + 4 + hi - first;
-    const float8 t = u - (float8)((float4)(lo), (float4)(hi)), at = samples + u;
-    const int8 in_strip = (int8)((int4)(from_lo >= 4 && from_lo <= STRIP - 8 ? -1 : 0),
-                                 (int4)(from_hi >= 4 && from_hi <= STRIP - 8 ? -1 : 0));
-    const int8 seen = (inside ? in_strip : 0) & (at >= span.x) & (at < span.y) & (samples >= own_span.x) &
-                      (samples < own_span.y) & (fabs(t) <= INTERPOLATION_RANGE);
-    const float8 there = between_samples(strip + clamp(from_lo, 4, STRIP - 8),
-                                         strip + clamp(from_hi, 4, STRIP - 8), t, series);
-    const float8 value = select((float8)(0.0f), there, seen);
-    const int to = layout.origin + l * stride + k;
-    const float8 own = select((float8)(0.0f), vload8(0, pre + to), seen);
-    vstore8(pair ? 0.5f * (own + value) : value, 0, a + to);
-    if (pair) vstore8(own - value, 0, b + to);
-  }
+  const float16 samples = (float)start + (float16)(0.0f, 1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f, 7.0f, 8.0f, 9.0f,
+                                                   10.0f, 11.0f, 12.0f, 13.0f, 14.0f, 15.0f);
+  const float16 u = axial_along(field, nx, ny, column, (samples - (float)first_sample) * rows_per_sample);
+  const int4 whole = nearest(0.5f * (u.s048c + u.s37bf)), at = start - first + (int4)(0, 4, 8, 12) + whole;
+  const float16 t = u - convert_float4(whole).s0000111122223333, there = samples + u;
+  const int4 in_strip = inside ? (at >= 4) & (at <= STRIP - 8) : (int4)(0);
+  const int16 seen = in_strip.s0000111122223333 & (there >= span.x) & (there < span.y) &
+                     (samples >= own_span.x) & (samples < own_span.y) & (fabs(t) <= INTERPOLATION_RANGE);
+  const float16 value =
+      select((float16)(0.0f), between_samples(strip, clamp(at, 4, STRIP - 8), t, series), seen);
+  const int to = layout.origin + l * stride + start;
+  const float16 own = select((float16)(0.0f), vload16(0, pre + to), seen);
+  vstore16(pair ? 0.5f * (own + value) : value, 0, a + to);
+  if (pair) vstore16(own - value, 0, b + to);
 }
 
 // Median of `count` > 0 values in the first slots of v, the rest +inf. By rank: v_k is the t-th smallest when

@@ -35,13 +35,11 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void pulse_sums
     __global const float* const d = difference + start + l * stride;
     for (int c = 0; c < 8 * chunks; c += 8) {
       __global const float* const at = s + c;
-      const float8 m = vload8(0, at), e = vload8(0, d + c), left = vload8(0, at - stride),
-                   right = vload8(0, at + stride);
-      const float8 y = 1.5f * (vload8(0, at + 1) + vload8(0, at - 1)) -
-                       0.15f * (vload8(0, at + 2) + vload8(0, at - 2)) +
-                       (1.0f / 90.0f) * (vload8(0, at + 3) + vload8(0, at - 3)) - (49.0f / 18.0f) * m;
-      const float8 t = 0.25f * (vload8(0, at + stride + 1) - vload8(0, at + stride - 1) -
-                                vload8(0, at - stride + 1) + vload8(0, at - stride - 1));
+      const float8 m = LOAD8(at), e = LOAD8(d + c), left = LOAD8(at - stride), right = LOAD8(at + stride);
+      const float8 y = 1.5f * (LOAD8(at + 1) + LOAD8(at - 1)) - 0.15f * (LOAD8(at + 2) + LOAD8(at - 2)) +
+                       (1.0f / 90.0f) * (LOAD8(at + 3) + LOAD8(at - 3)) - (49.0f / 18.0f) * m;
+      const float8 t = 0.25f * (LOAD8(at + stride + 1) - LOAD8(at + stride - 1) - LOAD8(at - stride + 1) +
+                                LOAD8(at - stride - 1));
       const float8 x = left + right - 2.0f * m;
       const float8 w = 1.0f / (1.0f + doubt * e * e);
       const float8 wm = w * m, wy = w * y, wt = w * t, wx = w * x;

@@ -87,14 +87,13 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void data_term(
     __global const float* const s = mean + start + l * stride;
     __global const float* const d = difference + start + l * stride;
     for (int c = 0; c < 8 * chunks; c += 8) {
-      const float8 m = vload8(0, s + c), e = vload8(0, d + c);
-      const float8 w = across * vload8(0, hat + c) / (1.0f + doubt * e * e);
-      const float8 gy = 0.75f * (vload8(0, s + c + 1) - vload8(0, s + c - 1)) -
-                        0.15f * (vload8(0, s + c + 2) - vload8(0, s + c - 2)) +
-                        (1.0f / 60.0f) * (vload8(0, s + c + 3) - vload8(0, s + c - 3));
-      const float8 gx =
-          inside * ((2.0f / 3.0f) * (vload8(0, s + c + stride) - vload8(0, s + c - stride)) -
-                    (1.0f / 12.0f) * (vload8(0, s + c + 2 * stride) - vload8(0, s + c - 2 * stride)));
+      const float8 m = LOAD8(s + c), e = LOAD8(d + c);
+      const float8 w = across * LOAD8(hat + c) / (1.0f + doubt * e * e);
+      const float8 gy = 0.75f * (LOAD8(s + c + 1) - LOAD8(s + c - 1)) -
+                        0.15f * (LOAD8(s + c + 2) - LOAD8(s + c - 2)) +
+                        (1.0f / 60.0f) * (LOAD8(s + c + 3) - LOAD8(s + c - 3));
+      const float8 gx = inside * ((2.0f / 3.0f) * (LOAD8(s + c + stride) - LOAD8(s + c - stride)) -
+                                  (1.0f / 12.0f) * (LOAD8(s + c + 2 * stride) - LOAD8(s + c - 2 * stride)));
       const float8 wgy = w * gy, wgx = w * gx, wm = w * m, we = w * e;
       xx = fma(wgx, gx, xx);
       xy = fma(wgx, gy, xy);
@@ -250,40 +249,50 @@ __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void edge_bias(
 // j: of the footprint; of the place that shares a bias, at most as wide. tables (deviation.clh), lateral and
 // axial each: deviation of the noise; what the noise alone gives edge_bias(); the smoothing's true bias over
 // what edge_bias() sees of it. The bias of the place is the mean square of edge_bias(), less the noise's;
-// nodes that hold next to no information (a shadow's) tell none.
+// nodes that hold next to no information (a shadow's) tell none. Items: (column, TRUSTED_ROWS rows), which
+// share their rows' sums.
+#define TRUSTED_ROWS 8
 __kernel __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1))) void uncertainty(
     __global const float2* restrict information, __global const float2* restrict bias,
     __global const float* restrict tables, __global const int4* restrict radii,
     __global float2* restrict mean, __global float2* restrict deviation_m, const int nx, const int ny,
     const float lateral_median, const float axial_median, const float line_pitch_m,
     const float sample_pitch_m) {
-  const int node = get_global_id(0);
-  if (node >= nx * ny) return;
-  const int i = node % nx, j = node / nx;
+  const int i = get_global_id(0) % nx, top = get_global_id(0) / nx * TRUSTED_ROWS;
+  if (top >= ny) return;
   const int4 footprint = radii[0], place = radii[1];
   const int reach_i = max(footprint.x, footprint.z), reach_j = max(footprint.y, footprint.w);
-  float2 sum = 0.0f, squares = 0.0f, count = 0.0f, near = 0.0f;
-  for (int n = max(j - reach_j, 0); n <= min(j + reach_j, ny - 1); ++n)
+  const float2 silent = 1e-3f * (float2)(lateral_median, axial_median), none = 0.0f;
+  float2 sum[TRUSTED_ROWS], squares[TRUSTED_ROWS], near[TRUSTED_ROWS];
+  for (int r = 0; r < TRUSTED_ROWS; ++r) sum[r] = squares[r] = near[r] = none;
+  for (int n = max(top - reach_j, 0); n <= min(top + TRUSTED_ROWS - 1 + reach_j, ny - 1); ++n) {
+    float2 held = none, square = none, tells = none;
     for (int m = max(i - reach_i, 0); m <= min(i + reach_i, nx - 1); ++m) {
-      const int far_i = abs(m - i), far_j = abs(n - j);
-      const float2 w = (float2)(far_i <= footprint.x && far_j <= footprint.y,
-                                far_i <= footprint.z && far_j <= footprint.w);
-      const float2 within =
-          (float2)(far_i <= place.x && far_j <= place.y, far_i <= place.z && far_j <= place.w);
-      const float2 held = information[m + nx * n], b = bias[m + nx * n];
-      const float2 tells = within * (float2)(held.x > 1e-3f * lateral_median, held.y > 1e-3f * axial_median);
-      sum += w * held;
-      count += w;
-      squares += (float2)(tells.x > 0.0f ? b.x * b.x : 0.0f, tells.y > 0.0f ? b.y * b.y : 0.0f);
-      near += tells;
+      const float2 h = information[m + nx * n], b = bias[m + nx * n];
+      const int2 far = (int2)(abs(m - i)), told = (far <= place.xz) & (h > silent);
+      held += select(none, h, far <= footprint.xz);
+      square += select(none, b * b, told);
+      tells -= convert_float2(told);  // a true comparison is -1
     }
-  const float2 h = sum / count;
-  mean[node] = h;
-  float2 table[3];
-  for (int n = 0; n < 3; ++n)
-    table[n] = (float2)(deviation_at(tables + 2 * n * DEVIATION_ENTRIES, h.x, lateral_median),
-                        deviation_at(tables + (2 * n + 1) * DEVIATION_ENTRIES, h.y, axial_median));
-  const float2 seen = fmax(squares / fmax(near, 1e-6f) - table[1] * table[1], 0.0f);
-  deviation_m[node] =
-      (float2)(line_pitch_m, sample_pitch_m) * sqrt(table[0] * table[0] + table[2] * table[2] * seen);
+    for (int r = 0; r < TRUSTED_ROWS; ++r) {
+      const int2 far = (int2)(abs(n - top - r)), beside = far <= place.yw;
+      sum[r] += select(none, held, far <= footprint.yw);
+      squares[r] += select(none, square, beside);
+      near[r] += select(none, tells, beside);
+    }
+  }
+  const int2 columns = min(i + footprint.xz, nx - 1) - max(i - footprint.xz, 0) + 1;
+  for (int r = 0; r < min(TRUSTED_ROWS, ny - top); ++r) {
+    const int j = top + r, node = i + nx * j;
+    const int2 rows = min(j + footprint.yw, ny - 1) - max(j - footprint.yw, 0) + 1;
+    const float2 h = sum[r] / convert_float2(columns * rows);
+    mean[node] = h;
+    float2 table[3];
+    for (int n = 0; n < 3; ++n)
+      table[n] = (float2)(deviation_at(tables + 2 * n * DEVIATION_ENTRIES, h.x, lateral_median),
+                          deviation_at(tables + (2 * n + 1) * DEVIATION_ENTRIES, h.y, axial_median));
+    const float2 seen = fmax(squares[r] / fmax(near[r], 1e-6f) - table[1] * table[1], 0.0f);
+    deviation_m[node] =
+        (float2)(line_pitch_m, sample_pitch_m) * sqrt(table[0] * table[0] + table[2] * table[2] * seen);
+  }
 }

@@ -15,6 +15,7 @@ namespace {
 constexpr int kLags = 32, kLaterals = 8;  // of the autocorrelations; LAG_VECTORS of refinement.cl
 constexpr int kNoiseRadius = 2;           // nodes over which noise and correlation are gathered
 constexpr int kBiasRadius = 1;            // BIAS_RADIUS of refinement.cl
+constexpr int kTrustedRows = 8;           // TRUSTED_ROWS of refinement.cl
 constexpr int kMaxFootprint = 6;          // nodes to each side over which information is averaged
 constexpr int kMaxNoiseLines = 10;        // that the autocorrelations are taken from
 constexpr int kNoiseRun = 256;            // samples that one item adds up; the host, in double, the rest
@@ -240,9 +241,9 @@ void Refinement::look_up(const NoiseStructure& noise, const std::vector<int>& ra
   add([](const NoiseResponse& r) { return r.deviation(); });
   add([](const NoiseResponse& r) { return r.bias_noise(kBiasRadius); });
   add([](const NoiseResponse& r) { return r.bias_over_seen(kBiasRadius); });
-  kernels_->uncertainty(over(grid_.nodes()), information_, bias_, sent(queue_, tables), sent(queue_, radii),
-                        information, deviation_m, grid_.nx, grid_.ny,
-                        static_cast<float>(noise.response[0].median()),
+  kernels_->uncertainty(over(grid_.nx * ((grid_.ny + kTrustedRows - 1) / kTrustedRows)), information_, bias_,
+                        sent(queue_, tables), sent(queue_, radii), information, deviation_m, grid_.nx,
+                        grid_.ny, static_cast<float>(noise.response[0].median()),
                         static_cast<float>(noise.response[1].median()), static_cast<float>(line_pitch_m_),
                         static_cast<float>(sample_pitch_m_));
 }
