@@ -179,8 +179,9 @@ DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post
   if (contradicted) e.input_warnings.push_back(*contradicted);
   // Coupling is left out, and looked at again without it.
   const bool probe_rests = geometry.frame == DisplacementFrame::kProbe;
-  const int tissue_from = probe_rests ? coupling_end(pre, post, geometry) : 0;
-  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, tissue_from);
+  const Echoes echoes = find_echoes(pre, geometry);
+  const int tissue_from = probe_rests ? coupling_end(pre, post, echoes) : 0;
+  DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, echoes, tissue_from);
   e.grid = image_grid(displacement.grid, geometry);
   download(queue_, displacement, e);
   if (tissue_from > 0) {
@@ -193,7 +194,7 @@ DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post
                        "bright line; the tissue is taken to begin there, and it has no modulus above",
                        1e3 * surface_m)});
     } else {
-      displacement = displacement_.estimate(pre, post, geometry);
+      displacement = displacement_.estimate(pre, post, geometry, echoes, 0);
       download(queue_, displacement, e);
     }
   }

@@ -211,7 +211,8 @@ void DisplacementEstimator::filter_frames(const Autocorrelations& a) {
 }
 
 DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const RfFrame& post,
-                                                     const AcquisitionGeometry& geometry, int first) {
+                                                     const AcquisitionGeometry& geometry,
+                                                     const Echoes& of_pre, int first) {
   if (work_ && !work_->serves(pre, geometry)) work_.reset();  // first: its room may be needed
   if (!work_) {
     auto work = std::make_unique<Workspace>(pre, geometry, options_);
@@ -219,12 +220,10 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
     work_ = std::move(work);
   }
   Workspace& w = *work_;
-  int end = 0;  // of both frames
-  const auto load = [&](const RfFrame& frame, std::shared_ptr<std::vector<float>>& host, Array<float>& image,
+  const int end = still_from(pre, post, of_pre.step);  // of both frames
+  const auto load = [&](const RfFrame& frame, std::vector<EchoSpan> lines,
+                        std::shared_ptr<std::vector<float>>& host, Array<float>& image,
                         Array<EchoSpan>& spans, Array<EchoSpan>& inner) {
-    Echoes echoes = find_echoes(frame, geometry);
-    std::vector<EchoSpan>& lines = echoes.lines;
-    if (&frame == &pre) end = still_from(pre, post, echoes.step);
     for (EchoSpan& span : lines) {
       span.end = std::min(span.end, std::max(end, span.first));
       span.first = std::max(span.first, std::min(first, span.end));
@@ -237,8 +236,8 @@ DisplacementEstimate DisplacementEstimator::estimate(const RfFrame& pre, const R
                 away_from_silence(lines, w.plan.samples, half_width(2 * kEchoesLateralM, w.plan.line_pitch_m),
                                   half_width(2 * kEchoesAxialM, w.plan.sample_pitch_m)));
   };
-  load(pre, w.host_pre, w.frames.pre, w.pre_spans, w.pre_inner);
-  load(post, w.host_post, w.frames.post, w.post_spans, w.post_inner);
+  load(pre, of_pre.lines, w.host_pre, w.frames.pre, w.pre_spans, w.pre_inner);
+  load(post, find_echoes(post, geometry).lines, w.host_post, w.frames.post, w.post_spans, w.post_inner);
   w.matched = false;
   search();
   check_cancelled();

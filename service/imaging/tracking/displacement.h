@@ -69,9 +69,13 @@ class DisplacementEstimator {
   void forget();  // the buffers that are kept for the next pair
   // `pre`, `post`, `geometry` as validate() accepts them. The result's arrays are overwritten by the next
   // call.
-  // Of no sample before `first` anything is believed.
+  DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post,
+                                const AcquisitionGeometry& geometry) {
+    return estimate(pre, post, geometry, find_echoes(pre, geometry), 0);
+  }
+  // The echoes of `pre` are known, and of no sample before `first` anything is believed.
   DisplacementEstimate estimate(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&,
-                                int first = 0);
+                                const Echoes& of_pre, int first);
 
  private:
   struct Workspace;

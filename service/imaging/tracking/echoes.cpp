@@ -155,10 +155,9 @@ std::vector<float> alike_rows(const RfFrame& pre, const RfFrame& post, int first
   return alike;
 }
 
-int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry& geometry) {
+int coupling_end(const RfFrame& pre, const RfFrame& post, const Echoes& echoes) {
   constexpr float kAlike = 0.7f;  // correlation without any motion; below it less than half of that
   constexpr int kThick = 3;
-  const Echoes echoes = find_echoes(pre, geometry);
   const std::vector<int> bright = bright_rows(echoes);
   if (bright.empty()) return 0;
   const std::vector<float> alike = alike_rows(pre, post, 0, echoes.rows, echoes.step);

@@ -22,7 +22,8 @@ Echoes find_echoes(const RfFrame&, const AcquisitionGeometry&);
 
 // First sample below what may be coupling: down to a line across the upper half of the frame, ten times as
 // bright as what is above and below, nothing is heard, or the same in both frames; 0: nothing looks like it.
-int coupling_end(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&);
+// The echoes are those of `pre`.
+int coupling_end(const RfFrame& pre, const RfFrame& post, const Echoes&);
 
 // The first sample of what stays the same up to the frames' end, to a twentieth of its power, below what
 // moves: hum that is locked to the transmission. Tissue that comes to rest does so gradually. `step`: that of

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -36,17 +37,18 @@ Autocorrelation autocorrelation(const RfFrame& frame, bool along_depth) {
                     stride = along_depth ? frame.sample_count : 1, piece = std::min(kPiece, length),
                     in_line = length / piece, every = std::max<std::size_t>(1, lines * in_line / kPieces);
   // Each piece counts alike, however loud.
-  std::vector<double> r(std::min(kReach, piece / 2) + 1), part(piece);
+  std::vector<double> r(std::min(kReach, piece / 2) + 1);
+  Eigen::VectorXd part(piece);
   for (std::size_t l = 0; l < lines; l += every)
     for (std::size_t p = 0; p < in_line; ++p) {
-      double mean = 0;
       for (std::size_t k = 0; k < piece; ++k)
-        mean += part[k] = frame.samples[l * stride + (p * piece + k) * step];
-      for (double& v : part) v -= mean / static_cast<double>(piece);
-      double own = 0;
-      for (const double v : part) own += v * v;
-      for (std::size_t lag = 0; own > 0 && lag < r.size(); ++lag)
-        for (std::size_t k = lag; k < piece; ++k) r[lag] += part[k] * part[k - lag] / own;
+        part[static_cast<Eigen::Index>(k)] = frame.samples[l * stride + (p * piece + k) * step];
+      part.array() -= part.mean();
+      const double own = part.squaredNorm();
+      for (std::size_t lag = 0; own > 0 && lag < r.size(); ++lag) {
+        const auto both = static_cast<Eigen::Index>(piece - lag);
+        r[lag] += part.head(both).dot(part.tail(both)) / own;
+      }
     }
   if (!(r[0] > 0)) return {};
   return {r[1] / r[0], *std::ranges::min_element(r) / r[0]};

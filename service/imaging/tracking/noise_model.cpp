@@ -195,15 +195,21 @@ class Lags {
   const std::vector<double>& r_;
 };
 
-// At `frequency` (of the sampling frequency), smoothed by a Blackman window over the lags.
-double spectrum(const std::vector<double>& r, double frequency) {
-  double sum = r[0];
+// At `frequencies` + 1 frequencies from 0 to half the sampling frequency, smoothed by a Blackman window over
+// the lags.
+std::vector<double> spectrum(std::vector<double> r, int frequencies) {
   for (std::size_t k = 1; k < r.size(); ++k) {
     const double angle = std::numbers::pi * static_cast<double>(k) / static_cast<double>(r.size());
-    const double window = 0.42 + 0.5 * std::cos(angle) + 0.08 * std::cos(2 * angle);
-    sum += 2 * window * r[k] * std::cos(2 * std::numbers::pi * frequency * static_cast<double>(k));
+    r[k] *= 2 * (0.42 + 0.5 * std::cos(angle) + 0.08 * std::cos(2 * angle));
   }
-  return sum;
+  std::vector<double> values;
+  for (int n = 0; n <= frequencies; ++n) {
+    double sum = 0;
+    for (std::size_t k = 0; k < r.size(); ++k)
+      sum += r[k] * std::cos(std::numbers::pi * n * static_cast<double>(k) / frequencies);
+    values.push_back(sum);
+  }
+  return values;
 }
 
 struct Band {
@@ -211,14 +217,12 @@ struct Band {
   double quietest;    // noise below this part of its peak is not believed
 };
 
-// Gain at `frequencies` + 1 frequencies from 0 to half the sampling frequency.
+// Gain at the frequencies of spectrum().
 std::vector<double> best_gain(const std::vector<double>& mean, const std::vector<double>& difference,
                               int frequencies, const Band& band) {
-  std::vector<double> p, q, gain;
-  for (int n = 0; n <= frequencies; ++n) {
-    p.push_back(spectrum(mean, 0.5 * n / frequencies));
-    q.push_back(spectrum(difference, 0.5 * n / frequencies) / 4);
-  }
+  const std::vector<double> p = spectrum(mean, frequencies);
+  std::vector<double> q = spectrum(difference, frequencies), gain;
+  for (double& power : q) power /= 4;
   const double min_q = band.quietest * *std::max_element(q.begin(), q.end());
   for (int n = 0; n <= frequencies; ++n) {
     const auto at = static_cast<std::size_t>(n);

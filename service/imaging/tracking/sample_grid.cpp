@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <stdexcept>
 #include <string>
 
@@ -21,13 +22,15 @@ void check_samples(const RfFrame& frame, const char* name) {
   if (frame.samples.size() != frame.sample_count * frame.line_count)
     refuse(fmt::format("{}.samples: {} values for {} samples x {} lines; send the whole frame", name,
                        frame.samples.size(), frame.sample_count, frame.line_count));
-  for (std::size_t n = 0; n < frame.samples.size(); ++n) {
-    if (n % frame.sample_count == 0) check_cancelled();
-    if (!std::isfinite(frame.samples[n]))
+  for (std::size_t l = 0; l < frame.line_count; ++l) {
+    check_cancelled();
+    const std::span line(frame.samples.data() + l * frame.sample_count, frame.sample_count);
+    const auto unfit = std::ranges::find_if_not(line, [](float sample) { return std::isfinite(sample); });
+    if (unfit != line.end())
       refuse(
           fmt::format("{}.samples: not a finite number at sample {} of line {}; replace it (by 0 if nothing "
                       "was recorded there)",
-                      name, n % frame.sample_count, n / frame.sample_count));
+                      name, unfit - line.begin(), l));
   }
 }
 

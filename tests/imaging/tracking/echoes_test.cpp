@@ -56,7 +56,9 @@ Measured measure(const Pair& pair, int first = 0) {
   const Queue queue = imaging_device()->queue();
   DisplacementEstimator tracker(queue, {});
   StrainEstimator strain(queue, {});
-  const DisplacementEstimate found = tracker.estimate(pair.pre, pair.post, tissue().geometry(), first);
+  const AcquisitionGeometry geometry = tissue().geometry();
+  const DisplacementEstimate found =
+      tracker.estimate(pair.pre, pair.post, geometry, find_echoes(pair.pre, geometry), first);
   Measured m;
   m.grid = image_grid(found.grid, tissue().geometry());
   download(queue, found, m);
@@ -234,7 +236,7 @@ TEST(Echoes, CouplingAboveABrightLineIsLeftOut) {
                    tissue().frame(motion, 2)};
   for (const float heard : {0.1f, 0.0f}) {
     const Pair pair = coupled(plain, 20, heard);
-    const int end = coupling_end(pair.pre, pair.post, tissue().geometry());
+    const int end = coupling_end(pair.pre, pair.post, find_echoes(pair.pre, tissue().geometry()));
     EXPECT_NEAR(end, kSurface, 25) << heard;
     Measured m = measure(pair, end);
     EXPECT_TRUE(rests_below(depth_m(kSurface), m));
@@ -249,7 +251,8 @@ TEST(Echoes, CouplingAboveABrightLineIsLeftOut) {
       }
     }
     const Pair dull = coupled(plain, 1, heard);
-    EXPECT_EQ(coupling_end(dull.pre, dull.post, tissue().geometry()), 0) << "nothing bright";
+    EXPECT_EQ(coupling_end(dull.pre, dull.post, find_echoes(dull.pre, tissue().geometry())), 0)
+        << "nothing bright";
   }
 }
 
@@ -261,7 +264,7 @@ TEST(Echoes, ABrightLineAmidTissueIsNoCoupling) {
                                         },
                                         2)};
     const Pair pair = coupled(plain, 20, 1);
-    const int end = coupling_end(pair.pre, pair.post, tissue().geometry());
+    const int end = coupling_end(pair.pre, pair.post, find_echoes(pair.pre, tissue().geometry()));
     EXPECT_FALSE(end > 0 && rests_below(depth_m(kSurface), measure(pair, end))) << strain;
   }
 }
