@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -150,6 +151,11 @@ void SolidNodes::correct(const Fingertip& tip, const TouchPose& pose) {
   try {
     const SolveReport known = contact.answer(tip, in_block(pose)).solve;
     if (settled(known)) return;
+    // A finger that moves on waits for the slice ahead of it, not for what it does not feel.
+    const auto [vx, vy, vz] = pose.velocity_m_s;
+    if (device->is_imaging() && std::hypot(vx, vy, vz) > 0 &&
+        known.relative_error - known.of_model <= choices::kTrustedMeanwhile)
+      return;
     const std::lock_guard lock(*mutex);
     const double asked =
         std::clamp(kCorrected * known.relative_error, choices::kSolidForceError, kMaxCorrected);

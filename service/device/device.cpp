@@ -250,6 +250,14 @@ void Device::tried() const {
   context_->tried();
 }
 
+std::shared_ptr<const void> Device::imaging() const {
+  return context_->imaging();
+}
+
+bool Device::is_imaging() const {
+  return context_->imaging().use_count() > 1;
+}
+
 std::uint64_t Device::held_bytes() const {
   return *context_->held_bytes();
 }

@@ -277,6 +277,9 @@ class Device {
   // Whether all kernels of imaging and touch have been run on it: compiled, that is.
   bool was_tried() const;
   void tried() const;
+  // To be held while an estimate is under way on it, and whether anybody does.
+  std::shared_ptr<const void> imaging() const;
+  bool is_imaging() const;
   // Of all arrays that live now.
   std::uint64_t held_bytes() const;
 

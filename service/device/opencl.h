@@ -93,6 +93,7 @@ class Context {
   const std::shared_ptr<std::atomic<std::uint64_t>>& held_bytes() const { return held_bytes_; }
   bool was_tried() const { return tried_; }
   void tried() { tried_ = true; }
+  const std::shared_ptr<const void>& imaging() const { return imaging_; }
   // A new cl::Kernel. Thread-safe: OpenCL's kernel creation is not, everywhere.
   cl::Kernel kernel(const std::string& source, const std::string& name, Precision, const Defines&);
 
@@ -104,6 +105,7 @@ class Context {
   std::shared_ptr<std::atomic<std::uint64_t>> held_bytes_ = std::make_shared<std::atomic<std::uint64_t>>(0);
   std::mutex mutex_;
   std::atomic<bool> tried_{false};
+  const std::shared_ptr<const void> imaging_ = std::make_shared<bool>();
   std::map<std::string, cl::Program> programs_;  // by source name, precision and defines
 };
 

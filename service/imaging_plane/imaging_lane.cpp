@@ -148,6 +148,7 @@ EstimateOutcome ImagingLane::estimate(const EstimateRequest& request, const JobT
   const Frames frames = unpack();
   recovery_.require();
   const std::shared_ptr<Device> device = device_;
+  const auto imaging = device->imaging();
   try {
     EstimateOutcome outcome = work(request, terms, received, frames, ended);
     outcome.queued_s = queued_s;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -11,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "service/base/choices.h"
+#include "service/contact/solid_nodes.h"
 #include "service/contact/solid_touch_model.h"
 #include "tests/solver/block_stencil.h"
 #include "tests/tissue/solid/solids.h"
@@ -22,7 +25,7 @@ const Fingertip kTip;
 const TouchPose kOver{{0.032, 0.002, 0.032}};
 
 // A lump 3 mm below the surface. A first row of top_m is softer than what it lies on.
-SolidTouchModel model(double contrast, double deviation = 0, double top_m = 0.002) {
+SolidBlock block_of(double contrast, double deviation = 0, double top_m = 0.002) {
   SolidBlock block;
   SolidGrid grid{32, 32, 0.002, 0.002, {}};
   grid.y_m.push_back(0);
@@ -33,7 +36,11 @@ SolidTouchModel model(double contrast, double deviation = 0, double top_m = 0.00
   });
   block.region = {0, 0.064, RangeZ{0, 0.064}};
   block.log_deviation = deviation;
-  return {std::move(block), MemoryAccount{}};
+  return block;
+}
+
+SolidTouchModel model(double contrast, double deviation = 0, double top_m = 0.002) {
+  return {block_of(contrast, deviation, top_m), MemoryAccount{}};
 }
 
 TouchWay way(std::optional<Tolerance> tolerance = {}, SolvePath path = SolvePath::kAuto) {
@@ -239,6 +246,29 @@ TEST(SolidLayer, WhatItWantsSaysHowFarOffItIsAndWhoWaits) {
   ASSERT_TRUE(ahead) << "for where it will be";
   EXPECT_EQ(ahead->error, 0);
   EXPECT_EQ(ahead->wait, JobWait::kBeside);
+}
+
+TEST(SolidNodes, BesideAnEstimateAMovingFingerWaitsWithLittle) {
+  TouchPose moving = kOver;
+  moving.velocity_m_s = {0.01, 0, 0};
+  const auto corrections = [](SolidNodes& nodes, const TouchPose& pose) {
+    const std::uint64_t done = nodes.corrector.done();
+    nodes.corrector.ask(kTip, pose);
+    nodes.corrector.wait_for_more_than(done, Corrector::Clock::now() + std::chrono::seconds(10));
+    return nodes.contact.corrections();
+  };
+  const auto device = test_device();
+  SolidNodes little(block_of(1.2), device, {}), much(block_of(8), device, {});
+  EXPECT_LT(little.contact.answer(kTip, kOver.position_m).solve.relative_error, choices::kTrustedMeanwhile);
+  EXPECT_GT(much.contact.answer(kTip, kOver.position_m).solve.relative_error, choices::kTrustedMeanwhile);
+  auto imaging = device->imaging();
+  EXPECT_EQ(corrections(little, moving), 0);
+  EXPECT_EQ(corrections(much, moving), 1);
+  imaging.reset();
+  EXPECT_EQ(corrections(little, moving), 1);
+  SolidNodes resting(block_of(1.2), device, {});
+  imaging = device->imaging();
+  EXPECT_EQ(corrections(resting, kOver), 1);
 }
 
 TEST(SolidLayer, WhatALawIsSampledByIsPlannedToo) {
