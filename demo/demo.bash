@@ -9,11 +9,11 @@ usage: ./teletact demo [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms 
        ./teletact demo --solid-given [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
 
 A solid patient with three hidden lumps: nine slices 5 mm apart are imaged while a finger goes in circles across them at
-12 mm/s; its forces beside those of the patient's own tissue, and the lumps that were found.
+40 mm/s; its forces beside those of the patient's own tissue, and the lumps that were found.
 
   --out DIR       where summary.json, pictures, recordings and logs go (demo-out); those of an earlier run go away
   --seed N        which patient: where its hidden inclusions lie (1)
-  --duration-s S  how long the finger explores, above 0 (30; with --plane 12, --page 60, --solid-given 20)
+  --duration-s S  how long the finger explores, above 0 (20; with --plane 12, --page 60)
   --round-trip-ms T
                   so long a link between the operator and the service, 0 to 9999 (0: none is added)
   --plane         instead: the paper's plane. A finger sweeps over 300 mm of tissue at 120 mm/s while a probe images
@@ -56,7 +56,7 @@ demo() {
     esac
   done
   if [[ -z $duration ]]; then
-    case $which in plane) duration=12 ;; page) duration=60 ;; slices) duration=30 ;; *) duration=20 ;; esac
+    case $which in plane) duration=12 ;; page) duration=60 ;; *) duration=20 ;; esac
   fi
   [[ -z $passes || $which == plane || $which == page ]] ||
     die_of_usage "--passes: only --plane and --page acquire a window again; leave it out"
@@ -316,15 +316,21 @@ run_given_demo() {
   report_demo "$status"
 }
 
-# The slices are taken from z = -20 to 20 mm; fingers begin when three of them are there. The probe's face is stated
-# to 0.3 mm, as a calliper tells it.
+# The patient side's nine slices, or all that it could take: it has ended.
+all_slices() {
+  (($(grep -c "can be touched" "$DEMO_OUT/log/acquire.log") == 9)) || ! kill -0 "$1" 2>/dev/null
+}
+
+# The slices are taken from z = -20 to 20 mm; fingers begin when five of them are there: at 40 mm/s circles advance by
+# 6.4 mm/s. The probe's face is stated to 0.3 mm, as a calliper tells it. The patient side ends with the touch: no
+# finger would feel the corrections that it still holds back.
 run_slices_demo() {
   local seed=$1 duration=$2 round_trip=$3 status=0
   local touch=(--indentation-m 0.002 --along z --across-m 0.030 --circle-radius-m 0.008 --begin-m -0.012 --end-m 0.012
-    --speed-m-s 0.012)
+    --speed-m-s 0.04)
   say "2/4 patient side: pressing the probe of solid patient $seed at nine places, and simulating its RF"
   start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" --slices 9 \
-    --slice-pitch-m 0.005 --lookahead 2 --passes-prepared 2 --probe-elevation-std-m 0.0003 \
+    --slice-pitch-m 0.005 --lookahead 4 --passes-prepared 2 --probe-elevation-std-m 0.0003 \
     --save-tissue "$DEMO_OUT/patient.toml" \
     --save-modulus "$DEMO_OUT/modulus.mha" --save-log-std "$DEMO_OUT/log-std.mha" \
     --record "$DEMO_OUT/acquire.record" --ready-file "$DEMO_RUN/acquire.ready"
@@ -332,11 +338,14 @@ run_slices_demo() {
   DEMO_WAIT_WHAT="the patient side" DEMO_WAIT_S=1200
   await test -e "$DEMO_RUN/acquire.ready"
   first_touch "${touch[@]}"
-  say "3/4 operator side: a finger goes in circles across the slices for $duration s at 12 mm/s${round_trip:+, $round_trip ms of round trip away}"
+  say "3/4 operator side: a finger goes in circles across the slices for $duration s at 40 mm/s${round_trip:+, $round_trip ms of round trip away}"
   touch_demo "$round_trip" --duration-s "$duration" "${touch[@]}"
+  DEMO_WAIT_PID=$acquire_pid DEMO_WAIT_WHAT="the patient side" DEMO_WAIT_S=60
+  await all_slices "$acquire_pid"
+  kill -INT "$acquire_pid" 2>/dev/null || true
   wait "$acquire_pid" || fail_demo "the patient side failed"
-  say "4/4 the patient's own tissue at 60 of the poses that were felt: about a minute"
-  "$BUILD/bench/teletact-felt" --touch-record "$DEMO_OUT/touch.record" --poses 60 \
+  say "4/4 the patient's own tissue at 40 of the poses that were felt: about half a minute"
+  "$BUILD/bench/teletact-felt" --touch-record "$DEMO_OUT/touch.record" --poses 40 \
     --tissue "$DEMO_OUT/patient.toml" --modulus "$DEMO_OUT/modulus.mha" \
     --acquire-record "$DEMO_OUT/acquire.record" --out "$DEMO_OUT" 2>"$DEMO_OUT/log/report.log" || status=$?
   report_demo "$status"
