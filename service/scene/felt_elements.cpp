@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace teletact::service {
 namespace {
@@ -73,6 +74,22 @@ double FeltElements::before(std::size_t row, double z_m) const {
 
 double FeltElements::moment_before(std::size_t row, double z_m) const {
   return moment_up_to(across(row, z_m)) / scale_[row];
+}
+
+std::vector<std::vector<double>> FeltElements::told_by(const std::vector<double>& planes_m) const {
+  std::vector<std::vector<double>> out(planes_m.size(), std::vector<double>(scale_.size(), 0.0));
+  for (std::size_t j = 0; j < scale_.size(); ++j) {
+    double up_to = out[0][j] = before(j, planes_m[0]);
+    for (std::size_t n = 1; n < out.size(); ++n) {
+      const double begin_m = planes_m[n - 1], end_m = planes_m[n];
+      const double next = before(j, end_m), borne = next - std::exchange(up_to, next),
+                   moment = moment_before(j, end_m) - moment_before(j, begin_m),
+                   after = std::clamp((moment + (z_m_ - begin_m) * borne) / (end_m - begin_m), 0.0, borne);
+      out[n][j] += after, out[n - 1][j] += borne - after;
+    }
+    out.back()[j] += 1 - up_to;
+  }
+  return out;
 }
 
 double left_of_local(double radius_m, double length_m) {

@@ -25,11 +25,22 @@ class FeltElements {
   // contact's middle, m.
   double before(std::size_t row, double z_m) const;
   double moment_before(std::size_t row, double z_m) const;
+  // Of what each row bears, what each of these planes across z (m, in order) tells: between them it is
+  // interpolated, beyond them constant. [plane][row]
+  std::vector<std::vector<double>> told_by(const std::vector<double>& planes_m) const;
   // f(element, share) of those with any.
   template <class F>
   void each(const F& f) const {
-    for (std::size_t n = 0; n < share_.size(); ++n)
-      if (share_[n] > 0) f(first_ + n % columns_ + all_columns_ * (n / columns_), share_[n]);
+    each_row([&](std::size_t first, const double* share, std::size_t columns) {
+      for (std::size_t n = 0; n < columns; ++n)
+        if (share[n] > 0) f(first + n, share[n]);
+    });
+  }
+  // f(its first element, their shares, how many), whatever they bear.
+  template <class F>
+  void each_row(const F& f) const {
+    for (std::size_t row = 0; row < scale_.size(); ++row)
+      f(first_ + all_columns_ * row, share_.data() + columns_ * row, columns_);
   }
 
  private:

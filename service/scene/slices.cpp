@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -120,88 +121,78 @@ std::size_t element(const std::vector<double>& nodes_m, double at_m) {
   return static_cast<std::size_t>(above - nodes_m.begin()) - 1;
 }
 
-// Of what a contact feels of each row, what each slice tells: ln E is interpolated between them.
-std::vector<std::vector<double>> told_shares(const ExplicitModulus& e, const FeltElements& felt) {
-  std::vector<std::vector<double>> out(e.slices_m.size(), std::vector<double>(e.y_m.size() - 1, 0.0));
-  for (std::size_t j = 0; j + 1 < e.y_m.size(); ++j) {
-    double before = 0;
-    for (std::size_t n = 0; n < out.size(); ++n) {
-      const double up_to = felt.before(j, e.slices_m[n]), borne = up_to - std::exchange(before, up_to);
-      if (n == 0) {
-        out[0][j] = borne;
-        continue;
-      }
-      const double begin_m = e.slices_m[n - 1], gap_m = e.slices_m[n] - begin_m,
-                   moment = felt.moment_before(j, e.slices_m[n]) - felt.moment_before(j, begin_m),
-                   after = std::clamp((moment + (felt.z_m() - begin_m) * borne) / gap_m, 0.0, borne);
-      out[n][j] += after, out[n - 1][j] += borne - after;
-    }
-    out.back()[j] += 1 - before;
-  }
-  return out;
-}
-
-// What a slice states, as a contact feels it.
-struct StatedVariance {
-  double alike = 0;              // of what is wrong in many places, so in its neighbours as well,
-  std::vector<double> by_place;  // and of what is known element by element; empty: nothing is known of that
-};
-
-StatedVariance stated_by(const ExplicitModulus& e, std::size_t slice, const FeltElements& felt) {
-  StatedVariance out;
+// Of what a slice states, as a contact feels it, the variance of what is wrong in many places.
+double alike_variance(const ExplicitModulus& e, std::size_t slice, const FeltElements& felt) {
   const std::size_t plane = e.log_deviation.size() / e.slices();
   const double* deviation = e.log_deviation.data() + slice * plane;
-  if (e.log_modes.empty() || e.log_modes[slice].empty()) {
-    felt.each([&](std::size_t n, double share) { out.alike += share * squared(deviation[n]); });
-    return out;
-  }
-  const std::vector<float>& modes = e.log_modes[slice];
-  std::vector<double> change(modes.size() / plane, 0.0);
-  felt.each([&](std::size_t n, double share) {
-    double alike = 0;
-    for (std::size_t k = 0; k < change.size(); ++k) {
-      const double of_element = modes[n + k * plane];
-      change[k] += share * of_element, alike += squared(of_element);
+  double variance = 0;
+  if (e.log_modes.empty() || e.log_modes[slice].empty())
+    felt.each([&](std::size_t n, double share) { variance += share * squared(deviation[n]); });
+  else
+    for (auto mode = e.log_modes[slice].begin(); mode != e.log_modes[slice].end();
+         mode += std::ptrdiff_t(plane)) {
+      double change = 0;
+      felt.each([&](std::size_t n, double share) { change += share * mode[std::ptrdiff_t(n)]; });
+      variance += squared(change);
     }
-    out.by_place.push_back(std::max(0.0, squared(deviation[n]) - alike));
+  return variance;
+}
+
+// The standard deviation of the rest in each element, row by row of those that are felt.
+std::vector<double> by_place(const ExplicitModulus& e, std::size_t slice, const FeltElements& felt) {
+  const std::size_t plane = e.log_deviation.size() / e.slices();
+  const std::vector<float>& modes = e.log_modes[slice];
+  std::vector<double> out;
+  felt.each_row([&](std::size_t first, const double*, std::size_t columns) {
+    const auto count = static_cast<Eigen::Index>(columns);
+    Eigen::ArrayXd left =
+        Eigen::Map<const Eigen::ArrayXd>(&e.log_deviation[slice * plane + first], count).square();
+    for (std::size_t mode = first; mode < modes.size(); mode += plane)
+      left -= Eigen::Map<const Eigen::ArrayXf>(&modes[mode], count).cast<double>().square();
+    left = left.max(0).sqrt();
+    out.insert(out.end(), left.begin(), left.end());
   });
-  for (double of : change) out.alike += squared(of);
   return out;
 }
 
 double stated_variance(const ExplicitModulus& e, const FeltElements& felt, const FeltPlace& place) {
-  constexpr double kLeast = 0.01;  // of a contact: slices that tell less are not felt
+  constexpr double kLeast = 0.02;  // of a contact: slices that tell less are not felt
   if (e.log_deviation.empty()) return 0;
   const Between at = between(e, place.z_m);
-  const std::vector<std::vector<double>> shares = told_shares(e, felt);
+  const std::vector<std::vector<double>> shares = felt.told_by(e.slices_m);
   const std::size_t columns = e.x_m.size() - 1;
+  std::vector<double> rows(e.y_m.size() - 1, 0.0);
+  felt.each([&](std::size_t element, double share) { rows[element / columns] += share; });
   struct FeltSlice {
-    double z_m;
-    const std::vector<double>& shares;
-    StatedVariance stated;
+    std::size_t n;
+    double like_last;               // correlation with the one before
+    std::vector<double> deviation;  // that is known place by place
   };
   double alike = 0;
   std::vector<FeltSlice> slices;
   for (std::size_t n = 0; n < shares.size(); ++n) {
     const double near = n == at.before ? 1 - at.share : n == at.after ? at.share : 0;
-    if (near == 0 && *std::ranges::max_element(shares[n]) < kLeast) continue;
-    FeltSlice slice{e.slices_m[n], shares[n], stated_by(e, n, felt)};
-    alike += near * slice.stated.alike;
-    if (!slice.stated.by_place.empty()) slices.push_back(std::move(slice));
+    if (near == 0 && std::inner_product(rows.begin(), rows.end(), shares[n].begin(), 0.0) < kLeast) continue;
+    if (near > 0) alike += near * alike_variance(e, n, felt);
+    if (e.log_modes.empty() || e.log_modes[n].empty()) continue;
+    const double from_last_m = slices.empty() ? 0 : e.slices_m[n] - e.slices_m[slices.back().n];
+    slices.push_back({n, std::exp(-from_last_m / choices::kLocalCorrelation), by_place(e, n, felt)});
   }
-  double by_place = 0;
-  for (const FeltSlice& a : slices)
-    for (const FeltSlice& b : slices) {
-      const double correlation = std::exp(-std::abs(a.z_m - b.z_m) / choices::kLocalCorrelation);
-      std::size_t nth = 0;
-      felt.each([&](std::size_t n, double share) {
-        const std::size_t j = n / columns;
-        by_place += correlation * share * a.shares[j] * b.shares[j] *
-                    std::sqrt(a.stated.by_place[nth] * b.stated.by_place[nth]);
-        ++nth;
-      });
+  double variance = 0;
+  std::size_t row = 0, nth = 0;
+  felt.each_row([&](std::size_t, const double* share, std::size_t count) {
+    for (std::size_t n = 0; n < count; ++n, ++nth) {
+      double before = 0;  // of the slices before, what is wrong as this one is
+      for (const FeltSlice& slice : slices) {
+        const double own = shares[slice.n][row] * slice.deviation[nth];
+        before *= slice.like_last;
+        variance += share[n] * own * (own + 2 * before);
+        before += own;
+      }
     }
-  return alike + left_of_local(place.radius_m, choices::kLocalCorrelation) * by_place;
+    ++row;
+  });
+  return alike + left_of_local(place.radius_m, choices::kLocalCorrelation) * variance;
 }
 
 void require_room(const ExplicitModulus& grid, std::size_t slices, const Limits& limits) {

@@ -181,7 +181,7 @@ TEST(Slices, WhatIsWrongAlikeIsFeltAsAWholeTheRestLess) {
               std::sqrt(0.125 * (1 + left / 2)), 1e-6);
 }
 
-// Summed by hand at each millimetre: what is wrong place by place is another thing 5 mm further across.
+// Summed by hand, every 10 um: what is wrong place by place is another thing 5 mm further across.
 TEST(Slices, WhatIsKnownPlaceByPlaceIsFeltOfSeveralSlicesAtOnce) {
   const auto stated = [](const std::vector<double>& places, double z_m, double radius_m) {
     std::vector<ModulusSlice> slices;
