@@ -3,70 +3,121 @@
 // launches with patch_project and patch_spread between them, solid_dot, solid_direction and solid_apply; on
 // GPUs those of solid_groups.cl, and solid_advance.
 //
-// Fields: [plane = 3 row + component][z][x]. On processors those that K is applied to are *wide*: each row of
-// x has WIDTH numbers before and after it, the other end's, and there is one more row of nodes, the held one,
-// of zeros.
+// Fields: [plane = 3 row + component][z][x]. On processors those that K is applied to are *wide*: after each
+// row of x come WIDTH numbers of its beginning, and there is one more row of nodes, the held one, of zeros.
 #include "solid_marks.clh"
 
 // The patch: `unknowns` says where in a field it is, all in the three planes of one row of nodes, `slots` of
 // each unknown of that row its number in the patch or -1. Those whose skins bear q give way by C q. M = (S0 +
 // C)^-1, dense. dq: the patch's part of a direction.
 
-// out = K d + B^T dq and partial sums of d . that, one of each row of x. stiffness: of each layer 24 x 24 for
-// a modulus of 1 (service/tissue/solid/solid_tissue.h); modulus: [layer][z][x], wide in x; patch_row: -1
-// where no dq is. Items: (k, row of nodes). 1152 flops a node.
+// An element acts by parity (service/tissue/solid/solid_tissue.h): on sums over its corners in which the far
+// ones along x, y or z count as they are, and the near ones with the opposite sign where the parity is odd
+// there: bit 0 for x, 1 for y, 2 for z. Of K_e there remain 39 numbers of 576.
+
+// Of the nodes around a side that faces z, and one component: [parity in x and y]. d: the component's plane.
+void side_parities(global const real* restrict d, const int plane, vec* restrict side) {
+  const vec a = LOAD(d), b = LOAD(d + 1), c = LOAD(d + 3 * plane), e = LOAD(d + 3 * plane + 1);
+  const vec upper = a + b, upper_x = b - a, lower = c + e, lower_x = e - c;
+  side[0] = upper + lower, side[1] = upper_x + lower_x;
+  side[2] = lower - upper, side[3] = lower_x - upper_x;
+}
+
+// f = e K_e u, both [component][parity]. Of a layer's blocks only those numbers are read that are not zero.
+void element_forces(global const real* restrict blocks, const vec e, const vec* restrict u, vec* restrict f) {
+#pragma unroll
+  for (int s = 0; s < 8; ++s)
+#pragma unroll
+    for (int p = 0; p < 3; ++p) {
+      vec sum = (vec)(0);
+#pragma unroll
+      for (int q = 0; q < 3; ++q)
+        if (p == q ? s != 1 << p : s == 0 || (s >> p & s >> q & 1))
+          sum += blocks[9 * s + 3 * p + q] * u[8 * q + (s ^ 1 << q)];
+      f[8 * p + (s ^ 1 << p)] = e * sum;
+    }
+}
+
+// out = K d + B^T dq and partial sums of d . that, one of each row of x. stiffness: of each layer 8 blocks of
+// 3 x 3 for a modulus of 1; patch_row: -1 where no dq is. Items: blocks of ALONG z by DOWN rows of nodes. An
+// element is computed once in each block that it has nodes in, and a node's sum is the same in any: of the
+// elements before it in z, then beyond it; of each the one above, then below. 186 flops a node.
 kernel void solid_apply(global const real* restrict stiffness, global const real* restrict modulus,
                         global const real* restrict d, global real* restrict out,
                         global accum* restrict partial, global const int* restrict slots,
                         global const real* restrict dq, const int nx, const int nz, const int layers,
                         const int patch_row) {
-  const int k = get_global_id(0), j = get_global_id(1);
-  if (k >= nz || j >= layers) return;
-  const int wide = nx + 2 * WIDTH;
-  vec dot = (vec)(0);
-  for (int i = WIDTH; i < nx + WIDTH; i += WIDTH) {
-    vec force[3];
-    for (int p = 0; p < 3; ++p) force[p] = (vec)(0);
-    for (int ey = j == 0 ? 1 : 0; ey < 2; ++ey) {
-      const int layer = j - 1 + ey;
-      for (int ez = 0; ez < 2; ++ez) {
-        const int z0 = ez ? k : (k + nz - 1) % nz, z1 = z0 + 1 == nz ? 0 : z0 + 1;
+  const int begin = ALONG * get_global_id(0), end = min(begin + ALONG, nz);
+  const int top = DOWN * get_global_id(1), bottom = min(top + DOWN, layers);
+  if (begin >= nz || top >= layers) return;
+  const int wide = nx + WIDTH, plane = nz * wide;
+  for (int i = 0; i < nx; i += WIDTH) {
+    vec hanging[6 * ALONG];  // of the layer above, on the nodes below it: [z][component][parity in x]
+    for (int n = 0; n < 6 * ALONG; ++n) hanging[n] = (vec)(0);
+    for (int layer = max(top - 1, 0); layer < bottom; ++layer) {
+      global const real* of_layer = d + 3 * layer * plane + i;
+      vec near[12], before[12];  // the nodes at k, and the forces there of the element before
+      for (int n = 0; n < 12; ++n) before[n] = (vec)(0);
+      for (int p = 0; p < 3; ++p)
+        side_parities(of_layer + p * plane + (begin == 0 ? nz - 1 : begin - 1) * wide, plane, near + 4 * p);
+      for (int k = begin - 1; k < end; ++k) {
+        const int z = k < 0 ? nz - 1 : k, beyond = k + 1 == nz ? 0 : k + 1;
+        vec u[24], f[24];
 #pragma unroll
-        for (int ex = 0; ex < 2; ++ex) {
-          const int x = i - 1 + ex;
-          global const real* row = stiffness + 576 * layer + 72 * ((1 - ex) + 2 * (1 - ez) + 4 * (1 - ey));
-          vec f[3];
-          for (int p = 0; p < 3; ++p) f[p] = (vec)(0);
+        for (int p = 0; p < 3; ++p) {
+          vec far[4];
+          side_parities(of_layer + p * plane + beyond * wide, plane, far);
 #pragma unroll
-          for (int b = 0; b < 8; ++b) {
-            const int plane = 3 * (layer + (b >> 2)), z = (b >> 1) & 1 ? z1 : z0;
-#pragma unroll
-            for (int c = 0; c < 3; ++c) {
-              const vec u = LOAD(d + ((plane + c) * nz + z) * wide + x + (b & 1));
-              f[0] += row[3 * b + c] * u;
-              f[1] += row[24 + 3 * b + c] * u;
-              f[2] += row[48 + 3 * b + c] * u;
-            }
+          for (int s = 0; s < 4; ++s) {
+            u[8 * p + s] = far[s] + near[4 * p + s];
+            u[8 * p + 4 + s] = far[s] - near[4 * p + s];
+            near[4 * p + s] = far[s];
           }
-          const vec e = LOAD(modulus + (layer * nz + z0) * wide + x);
-          for (int p = 0; p < 3; ++p) force[p] += e * f[p];
+        }
+        element_forces(stiffness + 72 * layer, LOAD(modulus + (layer * nz + z) * nx + i), u, f);
+#pragma unroll
+        for (int p = 0; p < 3; ++p) {
+          vec side[4];
+#pragma unroll
+          for (int s = 0; s < 4; ++s) {
+            side[s] = before[4 * p + s] + (f[8 * p + s] - f[8 * p + 4 + s]);
+            before[4 * p + s] = f[8 * p + s] + f[8 * p + 4 + s];
+          }
+          if (k < begin) continue;
+          vec* above = hanging + 6 * (k - begin) + 2 * p;
+          const vec even = above[0] + (side[0] - side[2]), odd = above[1] + (side[1] - side[3]);
+          above[0] = side[0] + side[2], above[1] = side[1] + side[3];
+          if (layer < top) continue;
+          // What acts on the far nodes in x belongs a lane further, the last one to the next vector.
+          global real* row = out + ((3 * layer + p) * nz + k) * nx;
+          const vec far = even + odd;
+          vec from_left = far;
+#pragma unroll
+          for (int lane = 1; lane < WIDTH; ++lane) ((real*)&from_left)[lane] = ((const real*)&far)[lane - 1];
+          ((real*)&from_left)[0] = i == 0 ? 0 : row[i];
+          STORE(even - odd + from_left, row + i);
+          const real last = ((const real*)&far)[WIDTH - 1];
+          if (i + WIDTH < nx)
+            row[i + WIDTH] = last;
+          else
+            row[0] += last;
         }
       }
     }
-    for (int p = 0; p < 3; ++p) {
-      const int row = (3 * j + p) * nz + k;
-      global real* to = out + row * nx + i - WIDTH;
-      STORE(force[p], to);
-      if (j == patch_row) {
-        global const int* slot = slots + (p * nz + k) * nx + i - WIDTH;
-        for (int lane = 0; lane < WIDTH; ++lane)
-          if (slot[lane] >= 0) to[lane] += dq[slot[lane]];
-        force[p] = LOAD(to);
-      }
-      dot += force[p] * LOAD(d + row * wide + i);
-    }
   }
-  partial[j * nz + k] = sum_lanes(dot);
+  for (int j = top; j < bottom; ++j)
+    for (int k = begin; k < end; ++k) {
+      vec dot = (vec)(0);
+      for (int p = 0; p < 3; ++p) {
+        const int row = (3 * j + p) * nz + k;
+        global real* force = out + row * nx;
+        global const int* slot = slots + (p * nz + k) * nx;
+        for (int i = 0; j == patch_row && i < nx; ++i)
+          if (slot[i] >= 0) force[i] += dq[slot[i]];
+        for (int i = 0; i < nx; i += WIDTH) dot += LOAD(force + i) * LOAD(d + row * wide + i);
+      }
+      partial[j * nz + k] = sum_lanes(dot);
+    }
 }
 
 // d = z + beta d, wide, and dq = q + beta dq; beta = 0 at the start, where they hold nothing. Items: planes.
@@ -80,19 +131,18 @@ kernel void solid_direction(global real* restrict marks, global const real* rest
   const real beta = direction_factor(marks, parts, before, turn, plane == 0, 0);
   for (int row = plane * nz; row < (plane + 1) * nz; ++row)
     for (int n = 0; n < nx; n += WIDTH) {
-      global real* to = d + row * (nx + 2 * WIDTH) + WIDTH + n;
+      global real* to = d + row * (nx + WIDTH) + n;
       vec v = LOAD(z + row * nx + n);
       if (beta != 0) v += beta * LOAD(to);
       STORE(v, to);
       if (n == 0) STORE(v, to + nx);
-      if (n + WIDTH == nx) STORE(v, to - nx);
     }
   if (patch_row < 0 || plane / 3 != patch_row) return;
   for (int n = plane % 3 * nz * nx; n < (plane % 3 + 1) * nz * nx; ++n)
     if (slots[n] >= 0) dq[slots[n]] = q[slots[n]] + (beta != 0 ? beta * dq[slots[n]] : 0);
 }
 
-// u += alpha d, r -= alpha K d. Rows of d begin and end with WIDTH numbers more. Items: planes.
+// u += alpha d, r -= alpha K d; d is wide. Items: planes.
 kernel void solid_step(global const real* restrict d, global const real* restrict kd, global real* restrict u,
                        global real* restrict r, global const accum* restrict curvature,
                        global real* restrict marks, const int nx, const int nz, const int planes,
@@ -101,7 +151,7 @@ kernel void solid_step(global const real* restrict d, global const real* restric
   if (plane >= planes) return;
   const real alpha = step_length(marks, curvature, parts, before, 0);
   for (int row = plane * nz; row < (plane + 1) * nz; ++row) {
-    global const real* along = d + row * (nx + 2 * WIDTH) + WIDTH;
+    global const real* along = d + row * (nx + WIDTH);
     for (int at = row * nx; at < (row + 1) * nx; at += WIDTH, along += WIDTH) {
       STORE(LOAD(u + at) + alpha * LOAD(along), u + at);
       STORE(LOAD(r + at) - alpha * LOAD(kd + at), r + at);
@@ -111,7 +161,7 @@ kernel void solid_step(global const real* restrict d, global const real* restric
 
 #if WIDTH == 1
 // Both at once on a GPU: d = z + beta d_from at the 27 nodes around each, and what solid_apply does. Groups:
-// rows of x (k, row of nodes); no field is wide but the modulus.
+// rows of x (k, row of nodes). stiffness: of each layer 24 x 24. No field is wide. 1152 flops a node.
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void solid_advance(
     global const real* restrict stiffness, global const real* restrict modulus, global real* restrict marks,
     global const real* restrict z, global const real* restrict d_from, global real* restrict d,
@@ -155,8 +205,8 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void solid_advance(
           f[1] += row[24 + 3 * b + c] * u;
           f[2] += row[48 + 3 * b + c] * u;
         }
-      const real modulus_there = modulus[(layer * nz + (k + ez + nz - 1) % nz) * (nx + 2) + i + ex];
-      for (int p = 0; p < 3; ++p) force[p] += modulus_there * f[p];
+      const int there = (layer * nz + (k + ez + nz - 1) % nz) * nx + (i + ex + nx - 1) % nx;
+      for (int p = 0; p < 3; ++p) force[p] += modulus[there] * f[p];
     }
     for (int p = 0; p < 3; ++p) {
       const int of_row = (p * nz + k) * nx + i, slot = j == patch_row ? slots[of_row] : -1;

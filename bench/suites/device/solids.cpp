@@ -18,7 +18,7 @@ Works work_of(const service::SolidGrid& grid) {
   const double spectrum = 6 * waves * sizeof(float);
   const double columns = double(grid.columns());
   const Work transform{3 * field + spectrum, planes * 2.5 * columns * std::log2(columns)};
-  return {{"solid_apply", {7 * field, 1152 * nodes}},
+  return {{"solid_apply", {7 * field, 186 * nodes}},
           {"solid_advance", {13 * field, 1158 * nodes}},
           {"solid_direction", {9 * field, 6 * nodes}},
           {"step_forward", {transform.bytes + 15 * field, transform.flops + 12 * nodes}},

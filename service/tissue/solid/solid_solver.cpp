@@ -24,8 +24,9 @@ namespace {
 constexpr std::size_t kAlpha = 1, kMarksOfIteration = 2, kParts = 4;
 
 constexpr std::size_t kMaxChunks = 512;
-constexpr std::size_t kLargestGroup = 128;  // over a row of nodes on a GPU
-constexpr std::size_t kOfNode = 192;        // products of an unknown's force
+constexpr std::size_t kLargestGroup = 128;    // over a row of nodes on a GPU
+constexpr std::size_t kAlong = 8, kDown = 4;  // z and rows of nodes of an item on a processor
+constexpr std::size_t kOfNode = 192;          // products of an unknown's force on a GPU
 
 // The largest relative error, in energy, that rounding was found to leave (T8.3): of the stiffness in T,
 // magnified as nu nears 1/2, and by contrast (bench solid bound, in float at nu 0.3, 0.49 and 0.4999: 1.1e-6,
@@ -67,21 +68,8 @@ double SolidSolution::bounded_error() const {
 template <class T>
 SolidModulus<T>::SolidModulus(const Queue& queue, const SolidTissue& tissue, LayeredTissue beside)
     : layers((validate(tissue), std::move(beside))), rounding(rounding_of<T>(tissue.poisson_ratio, layers)) {
-  const SolidGrid& grid = tissue.grid;
-  const std::size_t width = lanes(queue, grid.nx, sizeof(T)), nx = grid.nx;
-  std::vector<T> wide((nx + 2 * width) * grid.nz * grid.layers());
-  auto to = wide.begin();
-  const auto append = [&to](auto begin, std::size_t count) {
-    to = std::transform(begin, begin + static_cast<std::ptrdiff_t>(count), to,
-                        [](double e) { return static_cast<T>(e); });
-  };
-  for (auto row = tissue.youngs_modulus_pa.begin(); row != tissue.youngs_modulus_pa.end();
-       row += static_cast<std::ptrdiff_t>(nx)) {
-    append(row + static_cast<std::ptrdiff_t>(nx - width), width);  // the period's copies on either side
-    append(row, nx);
-    append(row, width);
-  }
-  youngs_modulus_pa = queue.array(wide);
+  const std::vector<double>& pa = tissue.youngs_modulus_pa;
+  youngs_modulus_pa = queue.array(std::vector<T>(pa.begin(), pa.end()));
 }
 
 template <class T>
@@ -99,16 +87,18 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
       rows_(static_cast<int>(grid_.layers())),
       groups_(static_cast<int>(grid_.unknowns() / width_)) {
   const std::size_t layers = grid_.layers(), columns = grid_.columns(), unknowns = grid_.unknowns();
-  const std::size_t groups = unknowns / width_, wide = grid_.nx + 2 * width_;
+  const std::size_t groups = unknowns / width_, wide = grid_.nx + width_;
   chunk_ = (groups + kMaxChunks - 1) / kMaxChunks;
   chunks_ = (groups + chunk_ - 1) / chunk_;
   std::vector<T> stiffness;
-  stiffness.reserve(576 * layers);
   for (std::size_t j = 0; j < layers; ++j) {
     const HexahedronMatrix k = hexahedron_stiffness(grid_.spacing_x_m, grid_.y_m[j + 1] - grid_.y_m[j],
                                                     grid_.spacing_z_m, tissue.poisson_ratio);
-    for (int row = 0; row < 24; ++row)
-      for (int column = 0; column < 24; ++column) stiffness.push_back(static_cast<T>(k(row, column)));
+    const std::array<double, 72> blocks = parity_blocks(k);
+    if (ahead_)
+      stiffness.insert(stiffness.end(), k.data(), k.data() + k.size());
+    else
+      stiffness.insert(stiffness.end(), blocks.begin(), blocks.end());
   }
   stiffness_ = queue.array(stiffness);
   for (Array<T>* field : {&z_, &kd_}) *field = queue.array<T>(unknowns);
@@ -123,7 +113,10 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
   marks_ = queue.array(std::vector<T>(kParts + static_cast<std::size_t>(parts_), T{0}));
   partial_ = queue.array<T>(std::max(chunks_, layers * grid_.nz));
   slots_ = queue.array<int>(3 * columns);
-  const Defines defines{{"WIDTH", std::to_string(width_)}, {"GROUP", std::to_string(group_)}};
+  const Defines defines{{"WIDTH", std::to_string(width_)},
+                        {"GROUP", std::to_string(group_)},
+                        {"ALONG", std::to_string(kAlong)},
+                        {"DOWN", std::to_string(kDown)}};
   const auto get = [&](const char* name) { return queue.kernel("solid", name, precision_of<T>, defines); };
   dot_ = get("solid_dot");
   sum_ = get("solid_add");
@@ -227,8 +220,9 @@ void SolidSolver<T>::turn(const Array<T>& z, int parts, int patch_row, std::size
                   dq_, nx_, nz_, rows_, parts, patch_row, earlier, own);
   direction_({{3 * rows}, {1}, chain}, marks_, z, d_[0], slots_, q_, dq_, nx_, nz_, 3 * rows_, parts,
              patch_row, earlier, own);
-  apply_({{nz, rows}, {1}, kOfNode}, stiffness_, modulus_->youngs_modulus_pa, d_[0], kd_, partial_, slots_,
-         dq_, nx_, nz_, rows_, patch_row);
+  const std::size_t dot = 3 * static_cast<std::size_t>(nx_) / width_;
+  apply_({{(nz + kAlong - 1) / kAlong, (rows + kDown - 1) / kDown}, {1}, dot}, stiffness_,
+         modulus_->youngs_modulus_pa, d_[0], kd_, partial_, slots_, dq_, nx_, nz_, rows_, patch_row);
 }
 
 template <class T>

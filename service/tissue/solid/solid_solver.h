@@ -81,7 +81,7 @@ struct SolidModulus {
   SolidModulus(const Queue&, const SolidTissue&, LayeredTissue layers);
   const LayeredTissue layers;
   const double rounding;       // what it may add to the relative error of any solution (T8.3)
-  Array<T> youngs_modulus_pa;  // as the kernels take it
+  Array<T> youngs_modulus_pa;  // [layer][z][x]
 };
 
 template <class T>

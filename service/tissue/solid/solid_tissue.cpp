@@ -139,4 +139,21 @@ HexahedronMatrix hexahedron_stiffness(double size_x_m, double size_y_m, double s
   return k;
 }
 
+std::array<double, 72> parity_blocks(const HexahedronMatrix& k) {
+  // Of corner n, in a sum of parity s.
+  const auto sign = [](int s, int n) {
+    const int x = n & 1, y = n >> 2, z = (n >> 1) & 1;
+    return std::popcount(static_cast<unsigned>(s & ~(x | y << 1 | z << 2))) % 2 ? -1.0 : 1.0;
+  };
+  std::array<double, 72> blocks{};
+  auto to = blocks.begin();
+  for (int s = 0; s < 8; ++s)
+    for (int p = 0; p < 3; ++p)
+      for (int q = 0; q < 3; ++q, ++to)
+        for (int m = 0; m < 8; ++m)
+          for (int n = 0; n < 8; ++n)
+            *to += sign(s ^ 1 << p, m) * k(3 * m + p, 3 * n + q) * sign(s ^ 1 << q, n) / 64;
+  return blocks;
+}
+
 }  // namespace teletact::service

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -53,5 +54,11 @@ using HexahedronMatrix = Eigen::Matrix<double, 24, 24>;
 // checked here).
 HexahedronMatrix hexahedron_stiffness(double size_x_m, double size_y_m, double size_z_m,
                                       double poisson_ratio);
+
+// The same by parity: B with K_e = H^T B H. H adds a component up over the corners, with a sign (2 a - 1) for
+// each direction that the parity is odd in: bit 0 for x, 1 for y, 2 for z. A box of one modulus is its own
+// mirror image, so component p of parity s ^ 1 << p, p = x, y, z, meets only its like of the same s:
+// 8 blocks [s] of 3 x 3.
+std::array<double, 72> parity_blocks(const HexahedronMatrix&);
 
 }  // namespace teletact::service

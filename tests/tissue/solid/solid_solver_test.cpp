@@ -299,5 +299,43 @@ TEST(SolidSolver, AsAGpuDoesItIsTheSame) {
   }
 }
 
+TEST(HexahedronStiffness, FallsApartByParity) {
+  const HexahedronMatrix k = hexahedron_stiffness(0.0013, 0.0017, 0.0021, 0.49);
+  const std::array<double, 72> blocks = parity_blocks(k);
+  HexahedronMatrix sums = HexahedronMatrix::Zero(),
+                   by_parity = HexahedronMatrix::Zero();  // [8 component + parity]
+  for (int p = 0; p < 3; ++p)
+    for (int s = 0; s < 8; ++s) {
+      for (int corner = 0; corner < 8; ++corner) {
+        const std::array<bool, 3> far{(corner & 1) != 0, (corner & 4) != 0, (corner & 2) != 0};
+        double& sign = sums(8 * p + s, 3 * corner + p) = 1;
+        for (int q = 0; q < 3; ++q)
+          if ((s >> q & 1) != 0 && !far[std::size_t(q)]) sign = -sign;
+      }
+      for (int q = 0; q < 3; ++q)
+        by_parity(8 * p + (s ^ 1 << p), 8 * q + (s ^ 1 << q)) = blocks[std::size_t(9 * s + 3 * p + q)];
+    }
+  EXPECT_LT((sums.transpose() * by_parity * sums - k).norm(), 1e-15 * k.norm());
+  // What a processor's kernel leaves out.
+  EXPECT_EQ((by_parity.array().abs() > 1e-15 * k.norm()).count(), 39);
+}
+
+// A processor multiplies by parity, in several blocks of rows here; a GPU by the whole matrix.
+TEST(SolidSolver, ByParityItIsTheWholeMatrix) {
+  const Queue queue = test_device()->queue(), gpu = test_gpu()->queue();
+  if (!queue.supports(Precision::kDouble)) GTEST_SKIP() << "the device has no double";
+  const SolidTissue tissue = rough({16, 16, 0.002, 0.0025, graded_rows(0.020, 10, 1.1)}, 0.49, 30);
+  const std::vector<std::size_t> unknowns = patch_of(tissue.grid, 0, 2, 0).unknowns;
+  const Eigen::VectorXd p = Eigen::VectorXd::Ones(Eigen::Index(unknowns.size()));
+  const auto displacement = [&](const Queue& on) -> Eigen::VectorXd {
+    SolidSolver<double> solver(on, tissue);
+    solver.load(unknowns, p, {.relative_error = 0, .max_iterations = 4});
+    const std::vector<double> u = solver.displacement();
+    return Eigen::Map<const Eigen::VectorXd>(u.data(), Eigen::Index(u.size()));
+  };
+  const Eigen::VectorXd u = displacement(gpu);
+  EXPECT_LT((displacement(queue) - u).norm(), 1e-13 * u.norm());
+}
+
 }  // namespace
 }  // namespace teletact::service
