@@ -7,6 +7,11 @@
 // row of x come WIDTH numbers of its beginning, and there is one more row of nodes, the held one, of zeros.
 #include "solid_marks.clh"
 
+#ifndef ALONG  // z and rows of nodes of an item of solid_apply
+#define ALONG 8
+#define DOWN 4
+#endif
+
 // The patch: `unknowns` says where in a field it is, all in the three planes of one row of nodes, `slots` of
 // each unknown of that row its number in the patch or -1. Those whose skins bear q give way by C q. M = (S0 +
 // C)^-1, dense. dq: the patch's part of a direction.
@@ -74,7 +79,8 @@ kernel void solid_apply(global const real* restrict stiffness, global const real
             near[4 * p + s] = far[s];
           }
         }
-        element_forces(stiffness + 72 * layer, LOAD(modulus + (layer * nz + z) * nx + i), u, f);
+        const vec e = LOAD(modulus + (layer * nz + z) * nx + i);
+        element_forces(stiffness + 72 * layer, e, u, f);
 #pragma unroll
         for (int p = 0; p < 3; ++p) {
           vec side[4];

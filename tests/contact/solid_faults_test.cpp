@@ -41,10 +41,9 @@ class FaultySolid : public FaultyKernels {
 };
 
 TEST_F(FaultySolid, NanInTheModuliIsSaid) {
-  sabotage(
-      "solid.cl", "const vec e = LOAD(modulus + (layer * nz + z0) * wide + x);",
-      "const vec e = LOAD(modulus + (layer * nz + z0) * wide + x) * (i == 2 * WIDTH && k == 3 && j == 2 ? "
-      "(real)NAN : 1);");
+  sabotage("solid.cl", "const vec e = LOAD(modulus + (layer * nz + z) * nx + i);",
+           "const vec e = LOAD(modulus + (layer * nz + z) * nx + i) * (i == WIDTH && k == 3 && layer == 2 ? "
+           "(real)NAN : 1);");
   expect_error("broke down (not finite)");
 }
 
