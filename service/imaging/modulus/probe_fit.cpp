@@ -260,13 +260,12 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   out.by_tilt = in_cells(w.by_tilt);
   out.lateral_ratio = likeliest.answer->lateral_ratio;
 
-  // Of a face on tissue that goes on, about the same for all.
+  // Of coarse cells, whose period is another, on tissue that goes on: about the same for all.
   double log_share = 0;
   if (in.force && std::ranges::any_of(order, [](const WeighedKind& kind) {
         return kind.of->face.goes_on() && kind.weight > kLeastWeight;
       }))
-    log_share = std::log(out.face.goes_on() ? out.tissue->force_share()
-                                            : weigher_.solid(w.face, kCoarseCellM)->force_share());
+    log_share = std::log(weigher_.solid(w.face, kCoarseCellM)->force_share());
   // An absolute modulus goes as the strain that a force brings, a relative one as the strain beside its mean.
   const double observed = w.measured.observed.sum();
   const auto of_modulus = [&](VectorXd log_strain, double log_force) {
