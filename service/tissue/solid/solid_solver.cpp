@@ -94,11 +94,12 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
   for (std::size_t j = 0; j < layers; ++j) {
     const HexahedronMatrix k = hexahedron_stiffness(grid_.spacing_x_m, grid_.y_m[j + 1] - grid_.y_m[j],
                                                     grid_.spacing_z_m, tissue.poisson_ratio);
-    const std::array<double, 72> blocks = parity_blocks(k);
-    if (ahead_)
-      stiffness.insert(stiffness.end(), k.data(), k.data() + k.size());
-    else
+    if (ahead_) {
+      stiffness.insert(stiffness.end(), k.data(), k.data() + k.size());  // symmetric: rows are columns
+    } else {
+      const std::array<double, 72> blocks = parity_blocks(k);
       stiffness.insert(stiffness.end(), blocks.begin(), blocks.end());
+    }
   }
   stiffness_ = queue.array(stiffness);
   for (Array<T>* field : {&z_, &kd_}) *field = queue.array<T>(unknowns);
