@@ -32,7 +32,7 @@ double moved_by(const ModulusInput& in, const TissueExtent& other, StripCache& s
 
 // A solid, whose load spreads: as a half-space, and more the shallower it is.
 double poisson_slope_of_solid(const ModulusInput& in) {
-  constexpr double kConfined = 1.5;  // by solves of solids whose depth is 1 to 3 times the root of their face
+  constexpr double kConfined = 2;  // by solves of solids whose depth is 1 to 2.5 times the root of their face
   const double nu = in.tissue.poisson_ratio, depth_m = in.tissue.depth_m;
   return 2 * nu / (1 - nu * nu) * (1 + kConfined * in.force->contact_area_m2 / (depth_m * depth_m));
 }

@@ -24,8 +24,11 @@ using Eigen::VectorXd;
 constexpr double kNearFieldM = 3e-3;  // what the face's condition decides, not the modulus
 constexpr double kTold = 0.4;         // of the median modelled strain: with less a cell tells no modulus
 constexpr double kStandoffM = 4e-3;   // of the image without a trusted strain: less is the kernels'
-constexpr double kCommonLog = 0.04, kCommonLogOfSides = 0.06;  // of tissue that goes on, and that ends
-constexpr double kTrackedFromM = 1e-3;                         // depth below the face where tracking begins
+constexpr double kCommonLog = 0.03, kCommonLogOfSides = 0.06;  // of tissue that goes on, and that ends
+// Tissue that is taken to go on ends somewhere from 0.7 depths beside the face on: the mean over ln of the
+// way of ln of the force that it then lacks (0.08 at 0.8 depths, 0.035 at 1.1, 0.015 at 1.6).
+constexpr double kEndsSomewhereLog = 0.022;
+constexpr double kTrackedFromM = 1e-3;  // depth below the face where tracking begins
 
 // Beforehand: ln of what is not stated, about the usual.
 constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
@@ -293,7 +296,8 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   const auto found = [&](const TissueWindow& about, const CandidateTissue& m, double share = 1) {
     VectorXd log_strain = m.answer->log_strain;
     if (!m.block) log_strain += about.finer;
-    double log_force = m.answer->log_force - (m.face.goes_on() ? log_share : 0);
+    const double somewhere = about.beside_m ? 0 : share * kEndsSomewhereLog;
+    double log_force = m.answer->log_force - (m.face.goes_on() ? log_share + somewhere : 0);
     const auto add = [&](Index column, const VectorXd& of_strain, double of_force) {
       const double at = share * (m.with_skin ? *m.with_skin : m.fit).at[column];
       log_strain += at * of_strain, log_force += at * of_force;

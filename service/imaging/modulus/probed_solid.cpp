@@ -25,9 +25,10 @@ using Eigen::VectorXd;
 
 // Nodes under the probe across the plane, odd: one lies in it; fewer where the period would be too short.
 constexpr std::size_t kMaxAcross = 7, kCoarseAcross = 5, kMinAcross = 3;
-// Nodes h apart that are pushed alike act as a face that ends a quarter of h beyond the last: strains at 4 mm
-// and deeper are then within 2 % of those of a mesh three times as fine.
-constexpr double kBeyond = 0.5;
+// Nodes h apart that are pushed alike act as a face that ends a tenth of h beyond the last: beside each other
+// strains at 4 mm and deeper, and the force, are then within 1 % of those of a mesh five times as fine. Of
+// coarse cells a quarter of h fits better.
+constexpr double kBeyond = 0.2, kCoarseBeyond = 0.5;  // at both ends together
 constexpr double kMinGap = 1.6;   // to the period's next probe, in depths of tissue, as far as there is room
 constexpr double kMinPeriod = 8;  // the same, of tissue whose period is not felt
 constexpr std::size_t kMaxColumns = 256, kMaxRows = 64, kMinPeriodAcross = 32, kMaxWide = 512;
@@ -84,8 +85,12 @@ std::size_t nodes_along(const ProbeFace& face, double cell_m) {
   return std::clamp<std::size_t>(static_cast<std::size_t>(face.width_m / along_m + 0.49), 8, kMaxColumns / 2);
 }
 
-double spacing(double length_m, std::size_t nodes) {
-  return length_m / (static_cast<double>(nodes - 1) + kBeyond);
+double beyond(double cell_m) {
+  return cell_m > kFineCellM ? kCoarseBeyond : kBeyond;
+}
+
+double spacing(double length_m, std::size_t nodes, double cell_m) {
+  return length_m / (static_cast<double>(nodes - 1) + beyond(cell_m));
 }
 
 }  // namespace
@@ -96,8 +101,8 @@ CellGrid cells_under(const ProbeFace& face, double cell_m) {
   CellGrid cells;
   const double image_m = std::min(face.image_depth_m, face.depth_m);
   cells.columns = nodes_along(face, cell_m) - 1;
-  cells.spacing_m = spacing(face.width_m, nodes_along(face, cell_m));
-  cells.first_x_m = (kBeyond / 2 + 0.5) * cells.spacing_m;
+  cells.spacing_m = spacing(face.width_m, nodes_along(face, cell_m), cell_m);
+  cells.first_x_m = (beyond(cell_m) / 2 + 0.5) * cells.spacing_m;
   cells.rows = std::clamp<std::size_t>(static_cast<std::size_t>(std::lround(image_m / cell_m)), 4, kMaxRows);
   cells.row_m = image_m / static_cast<double>(cells.rows);
   return cells;
@@ -109,7 +114,7 @@ namespace {
 std::size_t nodes_across(const ProbeFace& face, double cell_m) {
   std::size_t nodes = cell_m > kFineCellM ? kCoarseAcross : kMaxAcross;
   const auto fits = [&](std::size_t columns) {
-    return static_cast<double>(nodes) + gap_m(face) / spacing(face.elevation_m, nodes) <=
+    return static_cast<double>(nodes) + gap_m(face) / spacing(face.elevation_m, nodes, cell_m) <=
            static_cast<double>(columns);
   };
   if (!face.goes_on() && !fits(kMaxColumns / 4)) nodes -= 2;
@@ -123,11 +128,11 @@ std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
   return std::bit_ceil(static_cast<std::size_t>(wanted));
 }
 
-SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells, std::size_t across) {
+SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells, std::size_t across, double cell_m) {
   require_above_zero(face.elevation_m, "probe_elevation_m");
   SolidTissue tissue;
   tissue.grid.spacing_x_m = cells.spacing_m;
-  tissue.grid.spacing_z_m = spacing(face.elevation_m, across);
+  tissue.grid.spacing_z_m = spacing(face.elevation_m, across, cell_m);
   tissue.grid.nx = period(cells.columns + 1, gap_m(face), tissue.grid.spacing_x_m);
   tissue.grid.nz = std::max(kMinPeriodAcross, period(across, gap_m(face), tissue.grid.spacing_z_m));
   tissue.grid.y_m = rows_of_nodes(face, cells.row_m * static_cast<double>(cells.rows), cells.rows);
@@ -141,15 +146,16 @@ SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells, std::size
 
 // Share of each element that lies within the tissue, along a period that begins at the face's first node,
 // `wide` elements under the face, of which at most so much of the gap to the next face is left.
-std::vector<double> within(const ProbeFace& face, std::size_t period, std::size_t wide, double spacing_m) {
+std::vector<double> within(const ProbeFace& face, std::size_t period, std::size_t wide, double spacing_m,
+                           double beyond) {
   constexpr double kMaxOfGap = 0.875;
-  const double beyond = kBeyond / 2, gap = static_cast<double>(period - wide) - kBeyond,
+  const double gap = static_cast<double>(period - wide) - beyond,
                beside = std::min(face.beside_m / spacing_m, kMaxOfGap * gap / 2);
   std::vector<double> share(period, 1.0);
   if (face.goes_on()) return share;
   for (std::size_t n = wide; n < period; ++n) {
     const auto nearest = static_cast<double>(std::min(n - wide, period - 1 - n));
-    share[n] = std::clamp(beside - (nearest - beyond), 0.0, 1.0);
+    share[n] = std::clamp(beside - (nearest - beyond / 2), 0.0, 1.0);
   }
   return share;
 }
@@ -173,15 +179,16 @@ double force_of(const SurfaceCompliance& layered, const SurfacePatch& patch) {
 class ProbedSolid : public ProbedTissue {
  public:
   ProbedSolid(const Queue& queue, const ProbeFace& face, double cell_m, std::shared_ptr<ProbedTissue> last)
-      : ProbedSolid(queue, face, cells_under(face, cell_m), nodes_across(face, cell_m), std::move(last)) {}
+      : ProbedSolid(queue, face, cells_under(face, cell_m), nodes_across(face, cell_m), cell_m,
+                    std::move(last)) {}
   ProbedSolid(const Queue& queue, const ProbeFace& face, const CellGrid& cells, std::size_t across,
-              std::shared_ptr<ProbedTissue> last)
+              double cell_m, std::shared_ptr<ProbedTissue> last)
       : face_(face),
         nodes_across_(across),
-        tissue_(tissue_under(face, cells, across)),
+        tissue_(tissue_under(face, cells, across, cell_m)),
         held_(queue.account().charge(Place::kHost, "tissues", sizeof(double) * tissue_.grid.elements())),
-        along_(within(face, tissue_.grid.nx, cells.columns, cells.spacing_m)),
-        across_(within(face, tissue_.grid.nz, across - 1, tissue_.grid.spacing_z_m)),
+        along_(within(face, tissue_.grid.nx, cells.columns, cells.spacing_m, beyond(cell_m))),
+        across_(within(face, tissue_.grid.nz, across - 1, tissue_.grid.spacing_z_m, beyond(cell_m))),
         patch_(patch_under(tissue_.grid, cells.columns, across)),
         queue_(queue),
         solver_(solver_of(std::move(last))) {

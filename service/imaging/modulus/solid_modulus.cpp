@@ -30,6 +30,7 @@ using Eigen::VectorXd;
 // A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
 constexpr double kOverstep = 1.4;
 constexpr double kUnobservedLog = 0.6931;  // ln 2: of what no strain tells
+constexpr double kCellModelLog = 0.05;     // of ln(strain) in a cell: what no modulus of it explains
 constexpr double kTiltLog = 0.25;          // of the tilt: the tissue's own ramp may look like it
 constexpr double kMaxTilt = 0.5;
 constexpr double kRangeLog = 3;         // of ln E about the background
@@ -148,7 +149,7 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd weight = VectorXd::Zero(size);
     for (Index c = 0; c < size; ++c)
       if (fit.measured.observed[c] > 0)
-        weight[c] = share / (std::pow(fit.measured.deviation[c], 2) + kModelLog * kModelLog);
+        weight[c] = share / (std::pow(fit.measured.deviation[c], 2) + squared(kCellModelLog));
     Denoiser denoise(cells);
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;

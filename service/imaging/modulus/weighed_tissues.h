@@ -20,7 +20,7 @@ namespace teletact::service {
 
 // Over so much of the image tissue and model differ alike.
 inline constexpr double kAlikeM2 = 25e-6;
-inline constexpr double kModelLog = 0.05;       // of ln(strain): what no such model explains
+inline constexpr double kModelLog = 0.02;       // of ln(strain): what no homogeneous model explains
 inline constexpr double kLinear = 0.15;         // of ln of elevation and depth: as far as a step is true
 inline constexpr double kUsualTilt = 0.3;       // of the push, to an end of the face
 inline constexpr double kMaxTiltOfSides = 0.2;  // of the same: with more no sides are tried

@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <functional>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <random>
 #include <stdexcept>
@@ -69,6 +71,31 @@ TEST(ProbedSolid, TissueThatEndsFarAwayIsTissueThatGoesOn) {
   EXPECT_LE(off(of_far), 0.1);
   EXPECT_GE(off(of_near), 2 * off(of_far));
   EXPECT_LT(of_near.force_n, of_on.force_n);
+}
+
+// Of a face of 60 x 10 mm on 40 mm: ln of the strain, beside each other, and of the force are those of 31
+// nodes across the face in place of 7.
+TEST(ProbedSolid, FewNodesUnderTheFaceAreEnough) {
+  struct At {
+    std::size_t row;
+    double log_strain;
+  };
+  constexpr std::array kFiner{At{4, 3.7001},  At{6, 3.8195},  At{8, 3.7974},  At{10, 3.7260},
+                              At{15, 3.5003}, At{20, 3.2731}, At{25, 3.0404}, At{30, 2.7528}};
+  constexpr double kLogForce = -2.6493;
+  const auto tissue = solid({0.060, 0.010, 0.040, 0.040, 0.49});
+  const auto response = tissue->push_homogeneous();
+  const CellGrid& cells = tissue->cells();
+  const auto middle = static_cast<Index>(cells.columns / 2), quarter = middle / 2;
+  std::vector<double> off;
+  for (const At& at : kFiner) {
+    const auto first = static_cast<Index>(at.row * cells.columns) + quarter;
+    off.push_back((-response.axial_strain.segment(first, middle)).array().log().mean() - at.log_strain);
+  }
+  const double level = std::accumulate(off.begin(), off.end(), 0.0) / static_cast<double>(off.size());
+  for (const double of : off) EXPECT_NEAR(of, level, 0.01);
+  EXPECT_NEAR(level, 0, 0.01);
+  EXPECT_NEAR(std::log(response.force_n / tissue->force_share()), kLogForce, 0.01);
 }
 
 // Whether the last one was on the same mesh or not, and whatever was solved in it, or cancelled there.
@@ -198,7 +225,7 @@ TEST(ProbeFit, ADepthWithinTheImageIsAnswered) {
   const Pressed pressed(face());
   for (const double depth_m : {0.013, 0.015}) {
     const ModulusEstimate e = pressed.estimate({}, {}, depth_m);
-    EXPECT_EQ(warned(e, ModulusFlag::kElevation), depth_m < 0.014) << e.model;
+    EXPECT_TRUE(warned(e, ModulusFlag::kElevation)) << e.model;
     EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, 0.1) << e.model;
   }
 }
