@@ -283,6 +283,7 @@ void Elastography::estimate_into(const RfFrame& pre, const RfFrame& post, const 
                      .force = in.force,
                      .known = in.known,
                      .beside = in.beside,
+                     .told = in.told,
                      .sound_speed_deviation = in.sound_speed_deviation};
   if (e.coupling_m > 0) place_below(e.coupling_m, input);
   e.modulus = find_modulus(input, in.modulus);  // T3.1 to T3.3, T3.6, T3.8

@@ -45,6 +45,7 @@ struct EstimateInput {
   KnownModulus known = {};  // beside the window, from its neighbours, if there are any
   ModulusChoice modulus = {};
   std::vector<SliceBeside> beside = {};  // ModulusInput::beside
+  std::vector<ToldBeside> told = {};     // ModulusInput::told
   bool b_mode = false;                   // Estimate::b_mode is wanted
   double sound_speed_deviation = 0;      // of its logarithm
 };

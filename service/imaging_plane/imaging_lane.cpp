@@ -175,7 +175,11 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
   // What lies beside the window draws stress to itself: the scene tells what it knows of it by now.
   EstimateInput in(r);
   if (r.scene) in.known = known_modulus(r.scene->snapshot()->map);
-  if (r.slice_of) in.beside = slices_beside(r.slice_of->scene->solid(), r.slice_of->x_m, r.slice_of->z_m);
+  if (r.slice_of) {
+    const std::shared_ptr<const ExplicitModulus> slices = r.slice_of->scene->solid();
+    in.beside = slices_beside(slices, r.slice_of->x_m, r.slice_of->z_m);
+    in.told = r.slice_of->scene->told().beside(*slices, r.slice_of->z_m);
+  }
   if (r.force) in.modulus.need.common = r.force->deviation();
   if (r.scene) in.modulus.need.tolerance = r.scene->finger().tolerance();
   {
@@ -186,6 +190,7 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
     outcome.estimate = engine->estimate(frames.first, frames.second, in, ended);
   }
   const Estimate& e = outcome.estimate;
+  if (r.slice_of) r.slice_of->scene->told().tell(r.slice_of->z_m, e.modulus.told);
   EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus.start_s,
                        e.modulus.iterations};
   if (e.modulus.kind == ModulusKind::kSolid) took.steps = e.modulus.solves;

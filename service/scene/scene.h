@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -23,6 +22,7 @@
 #include "service/scene/slices.h"
 #include "service/scene/state_store.h"
 #include "service/scene/stitched_map.h"
+#include "service/scene/told_slices.h"
 #include "service/scene/touch_models.h"
 
 namespace teletact::service {
@@ -101,6 +101,7 @@ class Scene {
   // One more slice of a solid, or this one in the place of the one there. Throws std::invalid_argument (field
   // named), Error(kPrecondition) where the scene is no solid, (kExhausted). Nothing changes when it throws.
   Published publish(const ModulusSlice&);
+  ToldSlices& told() { return told_; }
   // Rebuilds the stale window nearest to the finger with its present context, so that the force does not jump
   // when the finger is handed over. False when none is stale.
   bool refresh_stale_window();
@@ -143,6 +144,7 @@ class Scene {
   const std::shared_ptr<VersionCounter> versions_;
   const Limits limits_;
   FingerBoard finger_;
+  ToldSlices told_;
   const std::shared_ptr<Observers> observers_ = std::make_shared<Observers>();
 
   std::mutex publishing_;  // one publication at a time; guards next_window_id_ and stale_

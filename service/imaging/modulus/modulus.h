@@ -50,7 +50,8 @@ struct ModulusInput {
   const struct ModulusEstimate* reference = nullptr;
   // Other slices of a solid, by offset_m, none at 0.
   std::vector<SliceBeside> beside = {};
-  double sound_speed_deviation = 0;  // of its logarithm
+  std::vector<ToldBeside> told = {};  // of any of them
+  double sound_speed_deviation = 0;   // of its logarithm
 };
 
 enum class ModulusKind { kReferenceStress, kDirect, kIterative, kSolid };
@@ -87,6 +88,7 @@ struct ModulusEstimate {
   double background = 0;                // median over the nodes that say something, Pa or 1
   double mean_axial_strain = 0;         // median over the trusted nodes, negative in compression
   std::optional<double> lateral_ratio;  // - eps_xx / eps_yy of the model; else of its plane condition
+  std::vector<ToldTissue> told = {};    // of a solid's slice; empty: its strain is not explained
   std::string model;                    // what was assumed and fitted of the tissue; empty: what was stated
   std::string why;                      // how the method was chosen, in words; empty: it was named
   template <class... Args>

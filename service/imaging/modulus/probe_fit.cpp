@@ -12,6 +12,7 @@
 
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/tissue_words.h"
+#include "service/imaging/modulus/told_tissue.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -218,12 +219,22 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       starts = {std::move(best)};
     }
   }
+  if (all) add_odds(in.told, starts);
   weigh_together(starts);
-  if (all)
+  std::vector<ToldTissue> told;
+  bool alike = true;
+  if (all) {
     for (WeighedTissues& start : starts)
       for (CandidateTissue& m : start.models)
         if (m.weight > kLeastWeight) weigher_.fit_skin(start.window, m, std::hypot(m.fit.rest, kModelLog));
+    told = told_by(starts);
+    alike = sharpen(in.told, starts);
+  }
   ProbeFit out = publish(starts, in, sign, all, untried);
+  out.told = std::move(told);
+  if (all && !in.told.empty())
+    out.words += fmt::format("; {} other slice(s) tell {}", in.told.size(),
+                             alike ? "of it, too" : "of another tissue, and are not heeded");
   out.top_m = top_m;
   if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
   out.solves = (weigher_.coarse_solves() + kCoarsePerSolve - 1) / kCoarsePerSolve;

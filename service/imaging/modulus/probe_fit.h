@@ -34,14 +34,15 @@ struct ProbeFit {
       between_modes;     // of which, but for little, `between` is the root of the squares
   Eigen::VectorXd skin;  // ln E of the skin's layers over that below
   std::vector<Eigen::VectorXd> changes;
-  double common_log = 0;     // of ln E: the mesh, what the tissue does at its sides, what was not tried
-  double untried_log = 0;    // of that, what is alike of tissue that a tilted face leaves untried
-  double rest = 0;           // of ln(strain): what is unexplained where tissue looks homogeneous
-  bool as_usual = false;     // something that is not stated was not fitted
-  bool unweighed = false;    // it leaves much unexplained, and what may explain it was not tried
-  int solves = 0;            // of the forward model
-  std::string words;         // what was assumed and what was found
-  std::string contradicted;  // which of what is stated the strain contradicts
+  double common_log = 0;         // of ln E: the mesh, what the tissue does at its sides, what was not tried
+  double untried_log = 0;        // of that, what is alike of tissue that a tilted face leaves untried
+  double rest = 0;               // of ln(strain): what is unexplained where tissue looks homogeneous
+  bool as_usual = false;         // something that is not stated was not fitted
+  bool unweighed = false;        // it leaves much unexplained, and what may explain it was not tried
+  int solves = 0;                // of the forward model
+  std::vector<ToldTissue> told;  // where tissues were weighed
+  std::string words;             // what was assumed and what was found
+  std::string contradicted;      // which of what is stated the strain contradicts
 };
 
 class ProbeFitter {

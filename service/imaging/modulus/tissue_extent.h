@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <vector>
 
 namespace teletact::service {
 
@@ -68,6 +69,22 @@ inline const KnownModulus kNothingKnown;
 struct SliceBeside {
   double offset_m = 0;
   std::function<double(double x_m, double y_m)> modulus_pa;
+};
+
+// What the strain of a slice tells of the tissue that all slices of a solid share (T3.6): one kind of it.
+struct ToldTissue {
+  // What ends beside the probe and whether it slides (kind_of()), and where it ends, in 1/100 of the depth.
+  int ends = 0, slides = 0, place = 0;
+  double log_likelihood = 0;  // over that of the likeliest
+  struct Number {
+    double mean = 0, variance = HUGE_VAL;  // HUGE_VAL: nothing is told of it
+  };
+  // By that strain alone: ln of the face's elevation, of the depth (m), then the skin's changes.
+  std::vector<Number> numbers = {};
+};
+struct ToldBeside {
+  double offset_m = 0;  // across the image
+  std::vector<ToldTissue> tissues;
 };
 
 }  // namespace teletact::service

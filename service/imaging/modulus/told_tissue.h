@@ -1,0 +1,20 @@
+// What slices of one solid tell of the tissue that they share: how likely each kind of it is, and what is not
+// known of the face, the depth and the skin (T3.6).
+#pragma once
+
+#include <vector>
+
+#include "service/imaging/modulus/tissue_extent.h"
+#include "service/imaging/modulus/weighed_tissues.h"
+
+namespace teletact::service {
+
+// By this window's strain alone, whatever add_odds() has added.
+std::vector<ToldTissue> told_by(const std::vector<WeighedTissues>&);
+// Before they are weighed together: their odds by other slices.
+void add_odds(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
+// After that, what each leaves open, by other slices, too. False where they contradict the likeliest: nothing
+// is changed.
+bool sharpen(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
+
+}  // namespace teletact::service

@@ -1,0 +1,33 @@
+#include "service/scene/told_slices.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include "service/scene/slices.h"
+
+namespace teletact::service {
+
+void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(told_, [&](const auto& slice) { return std::abs(slice.first - z_m) <= kSameSliceM; });
+  if (tissues.empty()) return;
+  told_[z_m] = std::move(tissues);
+  if (told_.size() <= kMost) return;
+  const auto first = told_.begin(), last = std::prev(told_.end());
+  told_.erase(z_m - first->first > last->first - z_m ? first : last);
+}
+
+std::vector<ToldBeside> ToldSlices::beside(const ExplicitModulus& e, double z_m) const {
+  const auto same = [](double a, double b) { return std::abs(a - b) <= kSameSliceM; };
+  std::vector<ToldBeside> out;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [at_m, tissues] : told_)
+    if (!same(at_m, z_m) &&
+        std::ranges::any_of(e.slices_m, [&](double slice_m) { return same(slice_m, at_m); }))
+      out.push_back({at_m - z_m, tissues});
+  return out;
+}
+
+}  // namespace teletact::service

@@ -1,0 +1,132 @@
+// What slices of one solid tell each other of the tissue that they share.
+#include "service/imaging/modulus/told_tissue.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "service/base/squared.h"
+#include "service/imaging/modulus/skin.h"
+
+namespace teletact::service {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kFaceM = 0.01, kDepthM = 0.04;
+
+// Fitted with [tilt, grading, elevation, depth]; `misfit` 0 is the likeliest.
+CandidateTissue tissue(double beside_m, double log_prior, double misfit) {
+  CandidateTissue m;
+  m.face = {.width_m = 0.06, .elevation_m = kFaceM, .depth_m = kDepthM, .image_depth_m = kDepthM};
+  m.face.beside_m = beside_m;
+  m.place_m = std::isfinite(beside_m) ? beside_m : 0;
+  m.log_prior = log_prior;
+  m.fit.at = VectorXd::Zero(4);
+  m.fit.covariance = VectorXd::Constant(4, squared(0.03)).asDiagonal();
+  m.fit.misfit = misfit;
+  return m;
+}
+
+std::vector<WeighedTissues> of_slice(std::vector<CandidateTissue> models) {
+  TissueWindow w{{},
+                 0,
+                 {false, std::log(kFaceM), 0.6, std::log(3e-3), std::log(0.04)},
+                 {false, std::log(kDepthM), 0.4, std::log(kDepthM), std::log(0.12)}};
+  w.face = models[0].face;
+  return {{w, std::move(models)}};
+}
+
+std::vector<WeighedTissues> two_kinds() {
+  return of_slice({tissue(HUGE_VAL, std::log(0.5), 1.5), tissue(0.028, std::log(0.05), 0)});
+}
+
+double weight_of_ending(std::vector<WeighedTissues> starts, const std::vector<ToldBeside>& beside) {
+  add_odds(beside, starts);
+  weigh_together(starts);
+  return starts[0].models[1].weight;
+}
+
+TEST(ToldTissue, SlicesThatAFaceApartMultiplyTheirOddsAndNearerOnesInPart) {
+  const auto told = told_by(two_kinds());
+  ASSERT_EQ(told.size(), 2U);
+  EXPECT_EQ(told[0].log_likelihood, -1.5);
+  EXPECT_EQ(told[1].log_likelihood, 0);
+  // Odds of what ends: 0.1 e^1.5 by each.
+  const auto weight = [](double slices) {
+    const double odds = 0.1 * std::exp(1.5 * (1 + slices));
+    return odds / (1 + odds);
+  };
+  EXPECT_NEAR(weight_of_ending(two_kinds(), {}), weight(0), 1e-12);
+  EXPECT_NEAR(weight_of_ending(two_kinds(), {{kFaceM, told}}), weight(1), 1e-12);
+  EXPECT_NEAR(weight_of_ending(two_kinds(), {{-kFaceM, told}, {kFaceM, told}}), weight(2), 1e-12);
+  EXPECT_NEAR(weight_of_ending(two_kinds(), {{kFaceM / 2, told}, {kFaceM, told}}), weight(1), 1e-12);
+  std::vector<ToldBeside> many;
+  for (int n = 1; n <= 40; ++n) many.push_back({n * kFaceM, told});
+  EXPECT_NEAR(weight_of_ending(two_kinds(), many), weight(4), 1e-12) << "what the model leaves out is shared";
+}
+
+TEST(ToldTissue, ATissueThatASliceDidNotWeighIsUnlikelyNotExcluded) {
+  const std::vector<ToldTissue> one = told_by(of_slice({tissue(HUGE_VAL, 0, 0)}));
+  const double before = weight_of_ending(two_kinds(), {}), odds = before / (1 - before) * std::exp(-5.0);
+  EXPECT_NEAR(weight_of_ending(two_kinds(), {{kFaceM, one}}), odds / (1 + odds), 1e-12);
+}
+
+TEST(ToldTissue, ANumberIsThatOfAllMeasurementsWithWhatIsKnownBeforehandOnce) {
+  // GIVEN a depth that one slice alone finds at ln +0.05, another at 0, each to 0.03 with what was known
+  // (0.4)
+  auto here = of_slice({tissue(HUGE_VAL, 0, 0)}), there = here;
+  there[0].models[0].fit.at[kDepth] = 0.05;
+  const auto told = told_by(there);
+  const double beforehand = 1 / squared(0.4), both = 1 / squared(0.03), own = both - beforehand;
+  EXPECT_NEAR(1 / told[0].numbers[1].variance, own, 1e-9 * own);
+  EXPECT_NEAR(told[0].numbers[1].mean, std::log(kDepthM) + 0.05 * both / own, 1e-9);
+  // THEN it has the mean and the variance of both, and of how depths vary from slice to slice
+  weigh_together(here);
+  ASSERT_TRUE(sharpen({{kFaceM, told}}, here));
+  const double from_there = 1 / (1 / own + squared(0.03)), all = both + from_there;
+  EXPECT_NEAR(here[0].models[0].fit.covariance(kDepth, kDepth), 1 / all, 1e-9 / all);
+  EXPECT_NEAR(here[0].models[0].fit.at[kDepth], 0.05 * both / own * from_there / all, 1e-9);
+  // AND what correlates with it follows.
+  auto tied = of_slice({tissue(HUGE_VAL, 0, 0)});
+  tied[0].models[0].fit.covariance(kTilt, kDepth) = tied[0].models[0].fit.covariance(kDepth, kTilt) =
+      squared(0.03) / 2;
+  weigh_together(tied);
+  ASSERT_TRUE(sharpen({{kFaceM, told}}, tied));
+  EXPECT_NEAR(tied[0].models[0].fit.at[kTilt], tied[0].models[0].fit.at[kDepth] / 2, 1e-12);
+  EXPECT_LT(tied[0].models[0].fit.covariance(kTilt, kTilt), squared(0.03));
+}
+
+TEST(ToldTissue, SkinIsToldWhereItWasFitted) {
+  auto here = of_slice({tissue(HUGE_VAL, 0, 0)});
+  CandidateTissue& m = here[0].models[0];
+  m.with_skin = m.fit;
+  m.with_skin->at = VectorXd::Zero(4 + Eigen::Index{kSkinChanges});
+  m.with_skin->covariance = MatrixXd::Identity(m.with_skin->at.size(), m.with_skin->at.size()) * squared(0.2);
+  const auto told = told_by(here);
+  ASSERT_EQ(told[0].numbers.size(), 2 + kSkinChanges);
+  weigh_together(here);
+  ASSERT_TRUE(sharpen({{-kFaceM, told}, {kFaceM, told}}, here));
+  const CandidateTissue& sharper = here[0].models[0];
+  // Two more, each to 0.2 without what is known beforehand (0.49), and 0.15 from slice to slice.
+  const double other = 1 / (1 / squared(0.2) - 1 / squared(0.49)) + squared(0.15);
+  EXPECT_NEAR(1 / sharper.with_skin->covariance(4, 4), 1 / squared(0.2) + 2 / other, 1e-9);
+  EXPECT_EQ(sharper.fit.covariance(kDepth, kDepth), squared(0.03)) << "the fit without skin is not published";
+}
+
+TEST(ToldTissue, WhatContradictsTheLikeliestOrLeadsFarChangesNothing) {
+  for (const double deviation : {0.03, 0.2}) {  // 7 of it away; and 1, but farther than a fit is linear
+    auto here = of_slice({tissue(HUGE_VAL, 0, 0)});
+    here[0].models[0].fit.covariance(kDepth, kDepth) = squared(deviation);
+    auto there = here;
+    there[0].models[0].fit.at[kDepth] = 0.3;
+    weigh_together(here);
+    EXPECT_FALSE(sharpen({{kFaceM, told_by(there)}}, here));
+    EXPECT_EQ(here[0].models[0].fit.at[kDepth], 0);
+    EXPECT_EQ(here[0].models[0].fit.covariance(kDepth, kDepth), squared(deviation));
+  }
+}
+
+}  // namespace
+}  // namespace teletact::service

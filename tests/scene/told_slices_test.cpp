@@ -1,0 +1,44 @@
+// What slices told of the tissue that they share, kept for those that come.
+#include "service/scene/told_slices.h"
+
+#include <gtest/gtest.h>
+
+namespace teletact::service {
+namespace {
+
+std::vector<ToldTissue> told(int place) {
+  return {{1, 0, place, 0, {}}};
+}
+
+ExplicitModulus with_slices(std::vector<double> slices_m) {
+  ExplicitModulus e;
+  e.slices_m = std::move(slices_m);
+  return e;
+}
+
+TEST(ToldSlices, AreOfTheSolidsSlicesButForTheOneInQuestion) {
+  ToldSlices slices;
+  slices.tell(-0.005, told(1)), slices.tell(0, told(2)), slices.tell(0.01, told(3));
+  const ExplicitModulus e = with_slices({-0.005, 0, 0.005});
+  const auto beside = slices.beside(e, 0);
+  ASSERT_EQ(beside.size(), 1U) << "one at 0.01 was never published";
+  EXPECT_DOUBLE_EQ(beside[0].offset_m, -0.005);
+  EXPECT_EQ(beside[0].tissues[0].place, 1);
+  // A newer one takes the older one's place, to a rounding; one that tells nothing as well.
+  slices.tell(-0.005 + 1e-9, told(4)), slices.tell(1e-9, {});
+  const auto newer = slices.beside(e, 0.005);
+  ASSERT_EQ(newer.size(), 1U);
+  EXPECT_EQ(newer[0].tissues[0].place, 4);
+}
+
+TEST(ToldSlices, AreBoundedWhereverAPeerPutsThem) {
+  ToldSlices slices;
+  std::vector<double> places;
+  for (int n = 0; n < 400; ++n) places.push_back(1e-4 * n), slices.tell(places.back(), told(n));
+  const auto kept = slices.beside(with_slices(places), 1);
+  ASSERT_EQ(kept.size(), ToldSlices::kMost);
+  EXPECT_EQ(kept.back().tissues[0].place, 399) << "the farthest from the newest go";
+}
+
+}  // namespace
+}  // namespace teletact::service
