@@ -21,12 +21,13 @@ void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues) {
 
 std::vector<ToldBeside> ToldSlices::beside(const ExplicitModulus& e, double z_m) const {
   const auto same = [](double a, double b) { return std::abs(a - b) <= kSameSliceM; };
+  const auto published = [&](double at_m) {
+    return std::ranges::any_of(e.slices_m, [&](double slice_m) { return same(slice_m, at_m); });
+  };
   std::vector<ToldBeside> out;
   const std::lock_guard lock(mutex_);
   for (const auto& [at_m, tissues] : told_)
-    if (!same(at_m, z_m) &&
-        std::ranges::any_of(e.slices_m, [&](double slice_m) { return same(slice_m, at_m); }))
-      out.push_back({at_m - z_m, tissues});
+    if (!same(at_m, z_m) && published(at_m)) out.push_back({at_m - z_m, tissues});
   return out;
 }
 
