@@ -10,9 +10,9 @@
 namespace teletact::service {
 
 void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues) {
+  if (tissues.empty()) return;
   const std::lock_guard lock(mutex_);
   std::erase_if(told_, [&](const auto& slice) { return std::abs(slice.first - z_m) <= kSameSliceM; });
-  if (tissues.empty()) return;
   told_[z_m] = std::move(tissues);
   if (told_.size() <= kMost) return;
   const auto first = told_.begin(), last = std::prev(told_.end());

@@ -1,5 +1,5 @@
-// What the strain of a solid's slices told of the tissue that they share. Not kept on disk: after a restart
-// slices tell it anew.
+// What the strain at a solid's slices last told of the tissue that they share, published or not. Not kept on
+// disk: after a restart slices tell it anew.
 #pragma once
 
 #include <map>
@@ -14,9 +14,9 @@ namespace teletact::service {
 class ToldSlices {
  public:
   static constexpr std::size_t kMost = 256;
-  // In the place of what a slice there told before; an empty one tells nothing.
+  // In the place of what a slice there told before; an empty one tells nothing, and changes nothing.
   void tell(double z_m, std::vector<ToldTissue>);
-  // Of those slices that are in the solid, but for one at z_m.
+  // Where the solid has slices, but for one at z_m.
   std::vector<ToldBeside> beside(const ExplicitModulus&, double z_m) const;
 
  private:

@@ -7,7 +7,7 @@ namespace teletact::service {
 namespace {
 
 std::vector<ToldTissue> told(int place) {
-  return {{1, 0, place, 0, {}}};
+  return {{1, 0, place}};
 }
 
 ExplicitModulus with_slices(std::vector<double> slices_m) {
@@ -24,11 +24,12 @@ TEST(ToldSlices, AreOfTheSolidsSlicesButForTheOneInQuestion) {
   ASSERT_EQ(beside.size(), 1U) << "one at 0.01 was never published";
   EXPECT_DOUBLE_EQ(beside[0].offset_m, -0.005);
   EXPECT_EQ(beside[0].tissues[0].place, 1);
-  // A newer one takes the older one's place, to a rounding; one that tells nothing as well.
+  // A newer one takes the older one's place, to a rounding; one that tells nothing does not.
   slices.tell(-0.005 + 1e-9, told(4)), slices.tell(1e-9, {});
   const auto newer = slices.beside(e, 0.005);
-  ASSERT_EQ(newer.size(), 1U);
+  ASSERT_EQ(newer.size(), 2U);
   EXPECT_EQ(newer[0].tissues[0].place, 4);
+  EXPECT_EQ(newer[1].tissues[0].place, 2);
 }
 
 TEST(ToldSlices, AreBoundedWhereverAPeerPutsThem) {

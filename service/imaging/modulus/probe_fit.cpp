@@ -219,22 +219,30 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       starts = {std::move(best)};
     }
   }
-  if (all) add_odds(in.told, starts);
-  weigh_together(starts);
-  std::vector<ToldTissue> told;
-  bool alike = true;
-  if (all) {
-    for (WeighedTissues& start : starts)
+  const auto weigh = [&](std::vector<WeighedTissues>& of) {
+    weigh_together(of);
+    if (!all) return;
+    for (WeighedTissues& start : of)
       for (CandidateTissue& m : start.models)
-        if (m.weight > kLeastWeight) weigher_.fit_skin(start.window, m, std::hypot(m.fit.rest, kModelLog));
+        if (m.weight > kLeastWeight && !m.with_skin)
+          weigher_.fit_skin(start.window, m, std::hypot(m.fit.rest, kModelLog));
+  };
+  weigh(starts);
+  std::vector<ToldTissue> told;
+  Heeded heeded = Heeded::kNothing;
+  if (all) {
     told = told_by(starts);
-    alike = sharpen(in.told, starts);
+    std::vector<WeighedTissues> together = starts;
+    add_odds(in.told, together);
+    weigh(together);
+    heeded = sharpen(in.told, together);
+    if (heeded != Heeded::kContradicted) starts = std::move(together);
   }
   ProbeFit out = publish(starts, in, sign, all, untried);
   out.told = std::move(told);
-  if (all && !in.told.empty())
+  if (heeded != Heeded::kNothing)
     out.words += fmt::format("; {} other slice(s) tell {}", in.told.size(),
-                             alike ? "of it, too" : "of another tissue, and are not heeded");
+                             heeded == Heeded::kAll ? "of it, too" : "of another tissue, and are not heeded");
   out.top_m = top_m;
   if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
   out.solves = (weigher_.coarse_solves() + kCoarsePerSolve - 1) / kCoarsePerSolve;

@@ -103,7 +103,7 @@ class SolidModulusMethod : public ModulusMethod {
     const double log_scale = in.force ? std::log(in.force->force_n / found.force_n) : 0;
     publish(in, fit, found, log_scale, out);
     // Of a strain that is not explained others are told nothing.
-    if (std::ranges::none_of(out.warnings, [](const Warning& w) {
+    if (!fit.unweighed && std::ranges::none_of(out.warnings, [](const Warning& w) {
           return w.flag == ModulusFlag::kMisfit || w.flag == ModulusFlag::kElevation;
         }))
       out.told = fit.told;

@@ -2,6 +2,7 @@
 // neighbourhood.
 #pragma once
 
+#include <Eigen/Core>
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -73,14 +74,14 @@ struct SliceBeside {
 
 // What the strain of a slice tells of the tissue that all slices of a solid share (T3.6): one kind of it.
 struct ToldTissue {
-  // What ends beside the probe and whether it slides (kind_of()), and where it ends, in 1/100 of the depth.
+  // What ends beside the probe and whether it slides (kind_of()), and where it ends: in 1/100 of the depth,
+  // -1 where that is stated.
   int ends = 0, slides = 0, place = 0;
   double log_likelihood = 0;  // over that of the likeliest
-  struct Number {
-    double mean = 0, variance = HUGE_VAL;  // HUGE_VAL: nothing is told of it
-  };
-  // By that strain alone: ln of the face's elevation, of the depth (m), then the skin's changes.
-  std::vector<Number> numbers = {};
+  // By that strain alone, of ln of the face's elevation, of the depth (m), then of the skin's changes: the
+  // inverse of the covariance, and its product with the mean. Empty: nothing is told.
+  Eigen::MatrixXd information = {};
+  Eigen::VectorXd load = {};
 };
 struct ToldBeside {
   double offset_m = 0;  // across the image

@@ -1,8 +1,9 @@
 #include "service/imaging/modulus/told_tissue.h"
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
 
 #include "service/base/squared.h"
@@ -12,14 +13,16 @@ namespace teletact::service {
 namespace {
 
 using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 // What the model leaves out alike of all slices is not below what so many leave of it.
 constexpr double kMostSlices = 4;
 constexpr double kNotWeighed = -5;  // ln of the likelihood of a tissue that a slice did not weigh; the least
 // From slice to slice, of ln of elevation and depth: standard deviations; of the skin kSkinVariesLog.
 constexpr double kElevationVaries = 0.02, kDepthVaries = 0.03;
-constexpr double kUnlike = 3;            // deviations
-constexpr double kLeastInformed = 0.05;  // of what is known beforehand: less tells nothing
+constexpr double kUnlike = 3;        // deviations
+constexpr double kLeastTold = 1e-6;  // of a variance, taken off: less is rounding
 
 struct WeighedSlice {
   const ToldBeside& slice;
@@ -46,7 +49,8 @@ std::vector<WeighedSlice> weighed(const std::vector<ToldBeside>& beside, double 
 ToldTissue named(const TissueWindow& w, const CandidateTissue& m) {
   const auto [ends, slides] = kind_of(m);
   const double place = m.face.goes_on() ? 0 : m.place_m / w.face.depth_m;
-  return {ends, slides, static_cast<int>(std::lround(100 * place)), 0, {}};
+  const bool stated = place > 0 && m.place_m == w.beside_m;
+  return {ends, slides, stated ? -1 : static_cast<int>(std::lround(100 * place))};
 }
 
 bool same(const ToldTissue& a, const ToldTissue& b) {
@@ -58,42 +62,68 @@ const ToldTissue* find(const std::vector<ToldTissue>& tissues, const ToldTissue&
   return at == tissues.end() ? nullptr : &*at;
 }
 
-// Of what is told of a tissue: which column of its fit it is, what that is beyond, and what is known of it
-// beforehand.
-struct NumberOfFit {
-  Index column;
-  double beyond, usual, known_variance, varies;
+// What is told of a tissue: which columns of its fit, the face's before the skin's; what those are beyond;
+// what is known of them beforehand, as the fit heeds it; how they vary from slice to slice.
+struct Numbers {
+  std::vector<Index> columns;
+  VectorXd beyond, usual, known, varies;
 };
 
 constexpr std::size_t kLengths = 2;  // of them: the first, which are linear over kLinear
 
-std::vector<NumberOfFit> numbers_of(const TissueWindow& w, const CandidateTissue& m) {
+Numbers numbers_of(const TissueWindow& w, const CandidateTissue& m) {
   if (m.block || w.as_stated) return {};
-  std::vector<NumberOfFit> out;
+  const RobustFit& fit = m.with_skin ? *m.with_skin : m.fit;
+  const auto count = static_cast<Index>(kLengths + (m.with_skin ? kSkinChanges : 0));
+  Numbers out{{}, VectorXd(count), VectorXd(count), VectorXd(count), VectorXd(count)};
+  const auto add = [&](Index column, double beyond, double usual, double deviation, bool doubted,
+                       double varies) {
+    const auto n = std::ssize(out.columns);
+    const double away = doubted ? (fit.at[column] + beyond - usual) / deviation : 0;
+    out.columns.push_back(column);
+    out.beyond[n] = beyond, out.usual[n] = usual, out.varies[n] = squared(varies);
+    out.known[n] = 1 / squared(deviation) / (1 + squared(away) / 2);  // fit_robustly()
+  };
   const auto length = [&](Index column, double at_m, const KnownLength& known, double varies) {
-    out.push_back({column, std::log(at_m), known.log, squared(known.deviation), squared(varies)});
+    add(column, std::log(at_m), known.log, known.deviation, known.stated, varies);
   };
   length(kElevation, m.face.elevation_m, w.elevation, kElevationVaries);
   length(kDepth, m.face.depth_m, w.depth, kDepthVaries);
   if (m.with_skin)
     for (std::size_t k = 0; k < kSkinChanges; ++k)
-      out.push_back({m.with_skin->at.size() - static_cast<Index>(kSkinChanges - k), 0, w.skin.mean[k],
-                     squared(w.skin.deviation[k]), squared(kSkinVariesLog)});
+      add(fit.at.size() - static_cast<Index>(kSkinChanges - k), 0, w.skin.mean[k], w.skin.deviation[k], true,
+          kSkinVariesLog);
   return out;
 }
 
-// Of number n, as other slices tell it: mean and variance.
-std::optional<ToldTissue::Number> pooled(const std::vector<WeighedSlice>& slices, const ToldTissue& name,
-                                         std::size_t n, double varies) {
-  double information = 0, sum = 0;
+// Without what is known beforehand, which is alike in all slices.
+void tell_numbers(const Numbers& of, const RobustFit& fit, ToldTissue& told) {
+  if (of.columns.empty()) return;
+  const MatrixXd all = fit.covariance(of.columns, of.columns).inverse();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> own(all - MatrixXd(of.known.asDiagonal()));
+  const VectorXd load = all * (fit.at(of.columns) + of.beyond) - of.known.cwiseProduct(of.usual);
+  // Rounding apart, no combination of them has less than no information.
+  const VectorXd sizes = own.eigenvalues().cwiseMax(0);
+  const VectorXd some = (sizes.array() > 0).cast<double>();
+  const MatrixXd& by = own.eigenvectors();
+  told.information = by * sizes.asDiagonal() * by.transpose();
+  told.load = by * some.asDiagonal() * by.transpose() * load;
+}
+
+// As other slices tell it, each varying from this one; no information: none does.
+ToldTissue pooled(const std::vector<WeighedSlice>& slices, const ToldTissue& name, const VectorXd& varies) {
+  const Index count = varies.size();
+  ToldTissue out;
   for (const auto& [slice, weight] : slices) {
     const ToldTissue* told = find(slice.tissues, name);
-    if (told == nullptr || n >= told->numbers.size()) continue;
-    const double share = weight / (told->numbers[n].variance + varies);
-    information += share, sum += share * told->numbers[n].mean;
+    if (told == nullptr || told->load.size() != count || count == 0) continue;
+    if (out.load.size() == 0)
+      out.information = MatrixXd::Zero(count, count), out.load = VectorXd::Zero(count);
+    const MatrixXd part =
+        weight * (MatrixXd::Identity(count, count) + told->information * varies.asDiagonal()).inverse();
+    out.information += part * told->information, out.load += part * told->load;
   }
-  if (!(information > 0)) return {};
-  return ToldTissue::Number{sum / information, 1 / information};
+  return out;
 }
 
 }  // namespace
@@ -106,16 +136,7 @@ std::vector<ToldTissue> told_by(const std::vector<WeighedTissues>& starts) {
       ToldTissue told = named(start.window, m);
       told.log_likelihood = -m.fit.misfit;
       best = std::max(best, told.log_likelihood);
-      const RobustFit& fit = m.with_skin ? *m.with_skin : m.fit;
-      for (const NumberOfFit& of : numbers_of(start.window, m)) {
-        ToldTissue::Number& number = told.numbers.emplace_back();
-        const double variance = fit.covariance(of.column, of.column),
-                     information = 1 / variance - 1 / of.known_variance;
-        if (information * of.known_variance < kLeastInformed) continue;
-        number.mean =
-            ((fit.at[of.column] + of.beyond) / variance - of.usual / of.known_variance) / information;
-        number.variance = 1 / information;
-      }
+      tell_numbers(numbers_of(start.window, m), m.with_skin ? *m.with_skin : m.fit, told);
       const auto twin = std::ranges::find_if(out, [&](const ToldTissue& t) { return same(t, told); });
       if (twin == out.end())
         out.push_back(std::move(told));
@@ -127,44 +148,54 @@ std::vector<ToldTissue> told_by(const std::vector<WeighedTissues>& starts) {
 }
 
 void add_odds(const std::vector<ToldBeside>& beside, std::vector<WeighedTissues>& starts) {
+  // Where the face is tilted nothing that ends is tried, and nothing is told of where the tissue does.
+  const auto weighed_ends = [](const WeighedSlice& w) {
+    return std::ranges::any_of(w.slice.tissues,
+                               [](const ToldTissue& t) { return t.ends == 1 || t.ends == 2; });
+  };
   for (WeighedTissues& start : starts) {
     const std::vector<WeighedSlice> slices = weighed(beside, start.window.face.elevation_m);
     for (CandidateTissue& m : start.models)
-      for (const auto& [slice, weight] : slices) {
-        const ToldTissue* told = find(slice.tissues, named(start.window, m));
-        m.log_prior += weight * (told ? std::max(kNotWeighed, told->log_likelihood) : kNotWeighed);
+      for (const WeighedSlice& w : slices) {
+        if (!weighed_ends(w)) continue;
+        const ToldTissue* told = find(w.slice.tissues, named(start.window, m));
+        m.log_prior += w.weight * (told ? std::max(kNotWeighed, told->log_likelihood) : kNotWeighed);
       }
   }
 }
 
-bool sharpen(const std::vector<ToldBeside>& beside, std::vector<WeighedTissues>& starts) {
-  std::vector<WeighedTissues> out = starts;
-  double heaviest = 0, away_of_heaviest = 0;
-  for (WeighedTissues& start : out) {
+Heeded sharpen(const std::vector<ToldBeside>& beside, std::vector<WeighedTissues>& starts) {
+  Heeded out = Heeded::kNothing;
+  double heaviest = 0;
+  for (WeighedTissues& start : starts) {
     const std::vector<WeighedSlice> slices = weighed(beside, start.window.face.elevation_m);
     for (CandidateTissue& m : start.models) {
-      RobustFit& fit = m.with_skin ? *m.with_skin : m.fit;
-      const std::vector<NumberOfFit> numbers = numbers_of(start.window, m);
-      double away = 0;
-      for (std::size_t n = 0; n < numbers.size(); ++n) {
-        const NumberOfFit& of = numbers[n];
-        const auto told = pooled(slices, named(start.window, m), n, of.varies);
-        if (!told) continue;
-        // As one more measurement of that column.
-        const double off = told->mean - of.beyond - fit.at[of.column],
-                     variance = fit.covariance(of.column, of.column) + told->variance;
-        away = std::max(away, std::abs(off) / std::sqrt(variance));
-        const Eigen::VectorXd gain = fit.covariance.col(of.column) / variance;
-        if (n < kLengths && std::abs(gain[of.column] * off) > kLinear) away = HUGE_VAL;
-        fit.at += gain * off;
-        fit.covariance -= (gain * fit.covariance.row(of.column)).eval();
+      const Numbers of = numbers_of(start.window, m);
+      const ToldTissue told = pooled(slices, named(start.window, m), of.varies);
+      Heeded here = Heeded::kNothing;
+      if (told.load.size() > 0) {
+        // As one more measurement of those columns together.
+        RobustFit& fit = m.with_skin ? *m.with_skin : m.fit;
+        const MatrixXd across = fit.covariance(Eigen::all, of.columns),
+                       own = fit.covariance(of.columns, of.columns);
+        const Index count = own.rows();
+        const MatrixXd gain = across * (MatrixXd::Identity(count, count) + told.information * own).inverse();
+        const VectorXd moved = gain * (told.load - told.information * (fit.at(of.columns) + of.beyond));
+        const MatrixXd less = gain * told.information * across.transpose();
+        here = Heeded::kAll;
+        for (std::size_t n = 0; n < of.columns.size(); ++n) {
+          const Index c = of.columns[n];
+          if (!(less(c, c) > kLeastTold * fit.covariance(c, c))) continue;
+          if (std::abs(moved[c]) > kUnlike * std::sqrt(less(c, c)) ||
+              (n < kLengths && std::abs(moved[c]) > kLinear))
+            here = Heeded::kContradicted;
+        }
+        if (here == Heeded::kAll) fit.at += moved, fit.covariance -= (less + less.transpose()) / 2;
       }
-      if (m.weight > heaviest) heaviest = m.weight, away_of_heaviest = away;
+      if (m.weight > heaviest) heaviest = m.weight, out = here;
     }
   }
-  if (away_of_heaviest > kUnlike) return false;
-  starts = std::move(out);
-  return true;
+  return out;
 }
 
 }  // namespace teletact::service

@@ -13,8 +13,9 @@ namespace teletact::service {
 std::vector<ToldTissue> told_by(const std::vector<WeighedTissues>&);
 // Before they are weighed together: their odds by other slices.
 void add_odds(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
-// After that, what each leaves open, by other slices, too. False where they contradict the likeliest: nothing
-// is changed.
-bool sharpen(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
+// After that, what each leaves open, by other slices, too, but where they contradict it. Says what is so of
+// the likeliest.
+enum class Heeded { kNothing, kAll, kContradicted };
+Heeded sharpen(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
 
 }  // namespace teletact::service

@@ -68,9 +68,20 @@ TEST(ToldTissue, SlicesThatAFaceApartMultiplyTheirOddsAndNearerOnesInPart) {
 }
 
 TEST(ToldTissue, ATissueThatASliceDidNotWeighIsUnlikelyNotExcluded) {
-  const std::vector<ToldTissue> one = told_by(of_slice({tissue(HUGE_VAL, 0, 0)}));
+  const auto told = told_by(of_slice({tissue(HUGE_VAL, 0, 0), tissue(0.004, 0, 0)}));
   const double before = weight_of_ending(two_kinds(), {}), odds = before / (1 - before) * std::exp(-5.0);
-  EXPECT_NEAR(weight_of_ending(two_kinds(), {{kFaceM, one}}), odds / (1 + odds), 1e-12);
+  EXPECT_NEAR(weight_of_ending(two_kinds(), {{kFaceM, told}}), odds / (1 + odds), 1e-12);
+  // Where the face was tilted, none that ends was weighed.
+  const auto tilted = told_by(of_slice({tissue(HUGE_VAL, 0, 0)}));
+  EXPECT_EQ(weight_of_ending(two_kinds(), {{kFaceM, tilted}}), before);
+}
+
+// Where it ends as stated is the same in each slice, whose depths differ.
+TEST(ToldTissue, AStatedPlaceIsTheSameInEachSlice) {
+  auto here = two_kinds(), there = two_kinds();
+  here[0].window.beside_m = there[0].window.beside_m = 0.028;
+  there[0].window.face.depth_m = 1.1 * kDepthM;
+  EXPECT_GT(weight_of_ending(here, {{kFaceM, told_by(there)}}), weight_of_ending(here, {}));
 }
 
 TEST(ToldTissue, ANumberIsThatOfAllMeasurementsWithWhatIsKnownBeforehandOnce) {
@@ -80,11 +91,11 @@ TEST(ToldTissue, ANumberIsThatOfAllMeasurementsWithWhatIsKnownBeforehandOnce) {
   there[0].models[0].fit.at[kDepth] = 0.05;
   const auto told = told_by(there);
   const double beforehand = 1 / squared(0.4), both = 1 / squared(0.03), own = both - beforehand;
-  EXPECT_NEAR(1 / told[0].numbers[1].variance, own, 1e-9 * own);
-  EXPECT_NEAR(told[0].numbers[1].mean, std::log(kDepthM) + 0.05 * both / own, 1e-9);
+  EXPECT_NEAR(told[0].information(1, 1), own, 1e-9 * own);
+  EXPECT_NEAR(told[0].load[1] / own, std::log(kDepthM) + 0.05 * both / own, 1e-9);
   // THEN it has the mean and the variance of both, and of how depths vary from slice to slice
   weigh_together(here);
-  ASSERT_TRUE(sharpen({{kFaceM, told}}, here));
+  ASSERT_EQ(sharpen({{kFaceM, told}}, here), Heeded::kAll);
   const double from_there = 1 / (1 / own + squared(0.03)), all = both + from_there;
   EXPECT_NEAR(here[0].models[0].fit.covariance(kDepth, kDepth), 1 / all, 1e-9 / all);
   EXPECT_NEAR(here[0].models[0].fit.at[kDepth], 0.05 * both / own * from_there / all, 1e-9);
@@ -93,7 +104,7 @@ TEST(ToldTissue, ANumberIsThatOfAllMeasurementsWithWhatIsKnownBeforehandOnce) {
   tied[0].models[0].fit.covariance(kTilt, kDepth) = tied[0].models[0].fit.covariance(kDepth, kTilt) =
       squared(0.03) / 2;
   weigh_together(tied);
-  ASSERT_TRUE(sharpen({{kFaceM, told}}, tied));
+  ASSERT_EQ(sharpen({{kFaceM, told}}, tied), Heeded::kAll);
   EXPECT_NEAR(tied[0].models[0].fit.at[kTilt], tied[0].models[0].fit.at[kDepth] / 2, 1e-12);
   EXPECT_LT(tied[0].models[0].fit.covariance(kTilt, kTilt), squared(0.03));
 }
@@ -105,14 +116,45 @@ TEST(ToldTissue, SkinIsToldWhereItWasFitted) {
   m.with_skin->at = VectorXd::Zero(4 + Eigen::Index{kSkinChanges});
   m.with_skin->covariance = MatrixXd::Identity(m.with_skin->at.size(), m.with_skin->at.size()) * squared(0.2);
   const auto told = told_by(here);
-  ASSERT_EQ(told[0].numbers.size(), 2 + kSkinChanges);
+  ASSERT_EQ(told[0].load.size(), 2 + Eigen::Index{kSkinChanges});
   weigh_together(here);
-  ASSERT_TRUE(sharpen({{-kFaceM, told}, {kFaceM, told}}, here));
+  ASSERT_EQ(sharpen({{-kFaceM, told}, {kFaceM, told}}, here), Heeded::kAll);
   const CandidateTissue& sharper = here[0].models[0];
   // Two more, each to 0.2 without what is known beforehand (0.49), and 0.15 from slice to slice.
   const double other = 1 / (1 / squared(0.2) - 1 / squared(0.49)) + squared(0.15);
   EXPECT_NEAR(1 / sharper.with_skin->covariance(4, 4), 1 / squared(0.2) + 2 / other, 1e-9);
   EXPECT_EQ(sharper.fit.covariance(kDepth, kDepth), squared(0.03)) << "the fit without skin is not published";
+}
+
+// A strain that shows the sum of two changes alone: four slices know no more of either than the sum says.
+TEST(ToldTissue, WhatIsKnownBeforehandIsCountedOnceThoughNumbersCorrelate) {
+  constexpr double kSum = 0.003;
+  const double known = 1 / squared(SkinPrior{}.deviation[0]), seen = 1 / squared(1e-3);
+  auto there = of_slice({tissue(HUGE_VAL, 0, 0)});
+  const auto with_skin = [&](std::vector<WeighedTissues>& slice, double information) {
+    CandidateTissue& m = slice[0].models[0];
+    m.with_skin = m.fit;
+    const Eigen::Index count = 4 + Eigen::Index{kSkinChanges};
+    MatrixXd all = MatrixXd::Identity(count, count) * known;
+    all.topLeftCorner(4, 4).diagonal().setConstant(1 / squared(0.03));
+    all.block(4, 4, 2, 2).array() += information;
+    m.with_skin->covariance = all.inverse();
+    VectorXd load = VectorXd::Zero(count);
+    load.segment(4, 2).setConstant(information * kSum);
+    m.with_skin->at = m.with_skin->covariance * load;
+  };
+  with_skin(there, seen);
+  auto here = there;
+  with_skin(here, 0);
+  std::vector<ToldBeside> four;
+  for (const double at : {-2.0, -1.0, 1.0, 2.0}) four.push_back({at * kFaceM, told_by(there)});
+  weigh_together(here);
+  ASSERT_EQ(sharpen(four, here), Heeded::kAll);
+  const RobustFit& fit = *here[0].models[0].with_skin;
+  EXPECT_LE(fit.at[4] + fit.at[5], kSum);
+  EXPECT_NEAR(fit.at[4], fit.at[5], 1e-9);
+  const double apart = fit.covariance(4, 4) + fit.covariance(5, 5) - 2 * fit.covariance(4, 5);
+  EXPECT_NEAR(apart, 2 / known, 1e-3) << "of their difference nothing is told";
 }
 
 TEST(ToldTissue, WhatContradictsTheLikeliestOrLeadsFarChangesNothing) {
@@ -122,7 +164,7 @@ TEST(ToldTissue, WhatContradictsTheLikeliestOrLeadsFarChangesNothing) {
     auto there = here;
     there[0].models[0].fit.at[kDepth] = 0.3;
     weigh_together(here);
-    EXPECT_FALSE(sharpen({{kFaceM, told_by(there)}}, here));
+    EXPECT_EQ(sharpen({{kFaceM, told_by(there)}}, here), Heeded::kContradicted);
     EXPECT_EQ(here[0].models[0].fit.at[kDepth], 0);
     EXPECT_EQ(here[0].models[0].fit.covariance(kDepth, kDepth), squared(deviation));
   }
