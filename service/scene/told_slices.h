@@ -13,7 +13,7 @@ namespace teletact::service {
 
 class ToldSlices {
  public:
-  static constexpr std::size_t kMost = 256;
+  static constexpr std::size_t kMost = 64;
   // In the place of what a slice there told before; an empty one tells nothing, and changes nothing.
   void tell(double z_m, std::vector<ToldTissue>);
   // Where the solid has slices, but for one at z_m.

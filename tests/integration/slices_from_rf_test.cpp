@@ -58,7 +58,7 @@ TEST(SlicesFromRf, MakeASolidThatGrowsAndIsFelt) {
   std::ifstream record(folder / "acquire.record", std::ios::binary);
   const std::string recorded{std::istreambuf_iterator<char>(record), {}};
   for (const char* beside :
-       {"known from -10.0 to -10.0 mm", "known from 10.0 to 10.0 mm", "1 other slice(s) tell of it, too"})
+       {"known from -10.0 to -10.0 mm", "known from 10.0 to 10.0 mm", "agrees with other slices (1)"})
     EXPECT_NE(recorded.find(beside), std::string::npos) << beside;
 
   const client::MetaImage image = client::read_metaimage(folder / "m.mha");

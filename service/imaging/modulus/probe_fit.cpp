@@ -41,7 +41,6 @@ constexpr double kNear = kLinear / 2;  // of ln of elevation and depth: no long 
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
-constexpr double kLeastWeight = 0.01;    // of a tissue that counts
 constexpr std::size_t kMostBetween = 4;  // changes that tissues differ by: a fifth brings under 1 % more
 constexpr std::size_t kMostChanges = 8;  // of what each leaves open of itself
 constexpr double kSpreadOfDepth = 0.29;  // deviation of the cells' depth, in images
@@ -219,30 +218,17 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       starts = {std::move(best)};
     }
   }
-  const auto weigh = [&](std::vector<WeighedTissues>& of) {
-    weigh_together(of);
-    if (!all) return;
-    for (WeighedTissues& start : of)
-      for (CandidateTissue& m : start.models)
-        if (m.weight > kLeastWeight && !m.with_skin)
-          weigher_.fit_skin(start.window, m, std::hypot(m.fit.rest, kModelLog));
-  };
-  weigh(starts);
-  std::vector<ToldTissue> told;
-  Heeded heeded = Heeded::kNothing;
-  if (all) {
-    told = told_by(starts);
-    std::vector<WeighedTissues> together = starts;
-    add_odds(in.told, together);
-    weigh(together);
-    heeded = sharpen(in.told, together);
-    if (heeded != Heeded::kContradicted) starts = std::move(together);
-  }
+  TogetherWeighed weighed;
+  if (all)
+    weighed = weigh_together(weigher_, in.told, starts);
+  else
+    weigh_together(starts);
   ProbeFit out = publish(starts, in, sign, all, untried);
-  out.told = std::move(told);
-  if (heeded != Heeded::kNothing)
-    out.words += fmt::format("; {} other slice(s) tell {}", in.told.size(),
-                             heeded == Heeded::kAll ? "of it, too" : "of another tissue, and are not heeded");
+  out.told = std::move(weighed.told);
+  if (weighed.heeded == Heeded::kAll)
+    out.words += fmt::format("; agrees with other slices ({})", in.told.size());
+  else if (weighed.heeded == Heeded::kContradicted)
+    out.words += fmt::format("; disagrees with other slices ({}), which are ignored", in.told.size());
   out.top_m = top_m;
   if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
   out.solves = (weigher_.coarse_solves() + kCoarsePerSolve - 1) / kCoarsePerSolve;

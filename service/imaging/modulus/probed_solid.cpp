@@ -26,8 +26,8 @@ using Eigen::VectorXd;
 // Nodes under the probe across the plane, odd: one lies in it; fewer where the period would be too short.
 constexpr std::size_t kMaxAcross = 7, kCoarseAcross = 5, kMinAcross = 3;
 // Nodes h apart that are pushed alike act as a face that ends a tenth of h beyond the last: beside each other
-// strains at 4 mm and deeper, and the force, are then within 1 % of those of a mesh five times as fine. Of
-// coarse cells a quarter of h fits better.
+// strains at 4 mm and deeper, and the force, are then within 1 % of a mesh five times as fine (of coarse
+// cells a quarter fits strain best: 4 and 3 %).
 constexpr double kBeyond = 0.2, kCoarseBeyond = 0.5;  // at both ends together
 constexpr double kMinGap = 1.6;   // to the period's next probe, in depths of tissue, as far as there is room
 constexpr double kMinPeriod = 8;  // the same, of tissue whose period is not felt
@@ -88,7 +88,6 @@ std::size_t nodes_along(const ProbeFace& face, double cell_m) {
 double beyond(double cell_m) {
   return cell_m > kFineCellM ? kCoarseBeyond : kBeyond;
 }
-
 double spacing(double length_m, std::size_t nodes, double cell_m) {
   return length_m / (static_cast<double>(nodes - 1) + beyond(cell_m));
 }

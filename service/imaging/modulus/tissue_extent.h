@@ -72,7 +72,7 @@ struct SliceBeside {
   std::function<double(double x_m, double y_m)> modulus_pa;
 };
 
-// What the strain of a slice tells of the tissue that all slices of a solid share (T3.6): one kind of it.
+// What the strain of a slice tells of the tissue that all slices of a solid share (T3.9): one kind of it.
 struct ToldTissue {
   // What ends beside the probe and whether it slides (kind_of()), and where it ends: in 1/100 of the depth,
   // -1 where that is stated.

@@ -198,4 +198,24 @@ Heeded sharpen(const std::vector<ToldBeside>& beside, std::vector<WeighedTissues
   return out;
 }
 
+TogetherWeighed weigh_together(const TissueWeigher& weigher, const std::vector<ToldBeside>& beside,
+                               std::vector<WeighedTissues>& starts) {
+  const auto weigh = [&](std::vector<WeighedTissues>& of) {
+    weigh_together(of);
+    for (WeighedTissues& start : of)
+      for (CandidateTissue& m : start.models)
+        if (m.weight > kLeastWeight && !m.with_skin)
+          weigher.fit_skin(start.window, m, std::hypot(m.fit.rest, kModelLog));
+  };
+  weigh(starts);
+  TogetherWeighed out{told_by(starts)};
+  if (beside.empty()) return out;
+  std::vector<WeighedTissues> together = starts;
+  add_odds(beside, together);
+  weigh(together);
+  out.heeded = sharpen(beside, together);
+  if (out.heeded != Heeded::kContradicted) starts = std::move(together);
+  return out;
+}
+
 }  // namespace teletact::service

@@ -1,5 +1,5 @@
 // What slices of one solid tell of the tissue that they share: how likely each kind of it is, and what is not
-// known of the face, the depth and the skin (T3.6).
+// known of the face, the depth and the skin (T3.9).
 #pragma once
 
 #include <vector>
@@ -17,5 +17,14 @@ void add_odds(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
 // the likeliest.
 enum class Heeded { kNothing, kAll, kContradicted };
 Heeded sharpen(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
+
+// Weighs tissues together, with the skin of those that count, and by what other slices tell, unless that
+// contradicts the likeliest.
+struct TogetherWeighed {
+  std::vector<ToldTissue> told;  // by this window alone
+  Heeded heeded = Heeded::kNothing;
+};
+TogetherWeighed weigh_together(const TissueWeigher&, const std::vector<ToldBeside>&,
+                               std::vector<WeighedTissues>&);
 
 }  // namespace teletact::service

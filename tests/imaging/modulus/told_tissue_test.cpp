@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 
 #include "service/base/squared.h"
 #include "service/imaging/modulus/skin.h"
+#include "tests/imaging/imaging_device.h"
 
 namespace teletact::service {
 namespace {
@@ -155,6 +157,28 @@ TEST(ToldTissue, WhatIsKnownBeforehandIsCountedOnceThoughNumbersCorrelate) {
   EXPECT_NEAR(fit.at[4], fit.at[5], 1e-9);
   const double apart = fit.covariance(4, 4) + fit.covariance(5, 5) - 2 * fit.covariance(4, 5);
   EXPECT_NEAR(apart, 2 / known, 1e-3) << "of their difference nothing is told";
+}
+
+// What is stated counts for less the farther the strain leads from it: so much less is taken off.
+TEST(ToldTissue, WhatIsStatedIsTakenOffAsTheFitHeedsIt) {
+  auto slice = of_slice({tissue(HUGE_VAL, 0, 0)});
+  slice[0].window.depth.stated = true, slice[0].window.depth.deviation = 0.1;
+  slice[0].models[0].fit.at[kDepth] = 0.2;
+  const double heeded = 1 / squared(0.1) / (1 + squared(0.2 / 0.1) / 2);
+  EXPECT_NEAR(told_by(slice)[0].information(1, 1), 1 / squared(0.03) - heeded, 1e-6);
+}
+
+TEST(ToldTissue, OddsOfSlicesThatContradictAreNotHeededEither) {
+  // GIVEN tissues that end too near for their skin, the one as another slice has it, but for its depth
+  const auto two = [] { return of_slice({tissue(0.004, 0, 1), tissue(0.008, 0, 0)}); };
+  auto alone = two(), here = two(), there = of_slice({tissue(0.004, 0, 0), tissue(0.008, 0, 4)});
+  for (CandidateTissue& m : there[0].models) m.fit.at[kDepth] = 0.3;
+  const TissueWeigher weigher(imaging_device()->queue(), {}, std::make_shared<StripCache>());
+  weigh_together(alone);
+  const TogetherWeighed weighed = weigh_together(weigher, {{kFaceM, told_by(there)}}, here);
+  EXPECT_EQ(weighed.heeded, Heeded::kContradicted);
+  EXPECT_EQ(weighed.told.size(), 2U);
+  for (const std::size_t m : {0U, 1U}) EXPECT_EQ(here[0].models[m].weight, alone[0].models[m].weight);
 }
 
 TEST(ToldTissue, WhatContradictsTheLikeliestOrLeadsFarChangesNothing) {
