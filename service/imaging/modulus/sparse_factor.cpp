@@ -1,6 +1,8 @@
 #include "service/imaging/modulus/sparse_factor.h"
 
-#include <cmath>
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <utility>
 
 #include "service/device/cancellation.h"
 
@@ -22,6 +24,26 @@ class Work {
   static constexpr Eigen::Index kMax = 2'000'000;  // some milliseconds
   Eigen::Index done_ = 0;
 };
+
+using Eigen::Index, Eigen::MatrixXd;
+
+// The first columns of a symmetric matrix, of which the lower half is there, become L's; the rest what they
+// leave of it. False: not positive definite.
+bool eliminate(Index columns, MatrixXd& a, Work& work) {
+  constexpr Index kAtOnce = 32;
+  for (Index k = 0, n = 0; k < columns; k += n) {
+    n = std::min(kAtOnce, columns - k);
+    const Index below = a.rows() - k - n;
+    Eigen::Ref<MatrixXd> own = a.block(k, k, n, n);
+    const Eigen::LLT<Eigen::Ref<MatrixXd>> factor(own);
+    if (factor.info() != Eigen::Success || !(own.diagonal().array() > 0).all()) return false;
+    auto under = a.block(k + n, k, below, n);
+    own.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(under);
+    a.bottomRightCorner(below, below).selfadjointView<Eigen::Lower>().rankUpdate(under, -1);
+    work.add(below * below * n / 2);
+  }
+  return true;
+}
 
 struct Cells {
   std::size_t left, right, top, bottom;  // the second and the fourth are the first beyond
@@ -52,87 +74,113 @@ std::vector<int> nested_dissection(std::size_t nx, std::size_t ny) {
   return order;
 }
 
-// The upper half of the matrix in the order of elimination.
+// The lower half of the matrix in the order of elimination.
 SparseFactor::Sparse SparseFactor::ordered(const Sparse& a) const {
-  Sparse upper(a.cols(), a.cols());
+  Sparse lower(a.cols(), a.cols());
   check_cancelled();
-  upper.selfadjointView<Eigen::Upper>() = a.selfadjointView<Eigen::Lower>().twistedBy(place_);
+  lower.selfadjointView<Eigen::Lower>() = a.selfadjointView<Eigen::Lower>().twistedBy(place_);
   check_cancelled();
-  return upper;
+  return lower;
 }
 
-// The elimination tree, and how many entries each column of L has: those of row k are met on the ways from
-// its entries in A up the tree to k.
-void SparseFactor::analyze(const Sparse& a, const std::vector<int>& order) {
-  const auto n = static_cast<std::size_t>(a.cols());
-  place_.resize(a.cols());
-  for (std::size_t k = 0; k < n; ++k) place_.indices()[order[k]] = static_cast<int>(k);
-  const Sparse upper = ordered(a);
-  parent_.assign(n, -1);
-  std::vector<int> seen(n, -1);
-  std::vector<Eigen::Index> below(n, 0);
+// The elimination tree (-1: a root), and how many entries each column of L has: those of row k are met on the
+// ways from its entries in A up the tree to k.
+std::vector<int> SparseFactor::parents(const Sparse& lower, std::vector<int>& entries) const {
+  const Sparse upper = lower.transpose();
+  const auto n = static_cast<std::size_t>(lower.cols());
+  std::vector<int> parent(n, -1), seen(n, -1);
+  entries.assign(n, 1);
   Work work;
   for (int k = 0; k < static_cast<int>(n); ++k) {
     seen[static_cast<std::size_t>(k)] = k;
     for (Sparse::InnerIterator it(upper, k); it; ++it)
       for (auto i = static_cast<std::size_t>(it.index()); seen[i] != k;
-           i = static_cast<std::size_t>(parent_[i])) {
-        if (parent_[i] < 0) parent_[i] = k;
+           i = static_cast<std::size_t>(parent[i])) {
+        if (parent[i] < 0) parent[i] = k;
         seen[i] = k;
-        ++below[i];
+        ++entries[i];
         work.add(1);
       }
   }
-  column_.assign(n + 1, 0);
-  for (std::size_t k = 0; k < n; ++k) column_[k + 1] = column_[k] + below[k] + 1;
-  row_.clear(), value_.clear();
-  grow(row_, static_cast<std::size_t>(column_[n]));
-  grow(value_, static_cast<std::size_t>(column_[n]));
+  return parent;
 }
 
-// Row by row of L (up-looking): the pattern of a row from the elimination tree, then a sparse triangular
-// solve with the rows above.
-bool SparseFactor::factorize(const Sparse& a) {
-  const Sparse upper = ordered(a);
+// Of its columns: those of A, and those of the fronts below it.
+void SparseFactor::add_rows(const Sparse& lower, const Front& f, std::vector<int>& seen) {
+  const auto first = row_.begin() + column_[static_cast<std::size_t>(f.first)];
+  auto last = first;
+  const auto add = [&](int row) {
+    if (std::exchange(seen[static_cast<std::size_t>(row)], f.first) != f.first) *last++ = row;
+  };
+  for (int k = f.first; k < f.end; ++k) add(k);
+  for (int k = f.first; k < f.end; ++k)
+    for (Sparse::InnerIterator it(lower, k); it; ++it) add(static_cast<int>(it.index()));
+  for (const std::size_t b : f.below) {
+    const Front& below = fronts_[b];
+    const auto of = row_.begin() + column_[static_cast<std::size_t>(below.first)];
+    std::for_each(of + (below.end - below.first), of + rows_of(below), add);
+  }
+  std::sort(first + (f.end - f.first), last);
+  for (int k = f.first + 1; k < f.end; ++k)
+    std::copy(first + (k - f.first), last, row_.begin() + column_[static_cast<std::size_t>(k)]);
+}
+
+void SparseFactor::analyze(const Sparse& a, const std::vector<int>& order) {
   const auto n = static_cast<std::size_t>(a.cols());
-  std::vector<double> y(n, 0.0);
-  std::vector<int> pattern(n), seen(n, -1);
-  std::vector<Eigen::Index> end(column_.begin(), column_.end() - 1);  // of what each column has so far
-  int* const row = row_.data();
-  double* const value = value_.data();
-  Work work;
+  place_.resize(a.cols());
+  for (std::size_t k = 0; k < n; ++k) place_.indices()[order[k]] = static_cast<int>(k);
+  const Sparse lower = ordered(a);
+  std::vector<int> entries, front_of(n), seen(n, -1);
+  const std::vector<int> parent = parents(lower, entries);
+  column_.assign(n + 1, 0);
+  for (std::size_t k = 0; k < n; ++k) column_[k + 1] = column_[k] + entries[k];
+  row_.clear(), value_.clear(), fronts_.clear();
+  grow(row_, static_cast<std::size_t>(column_[n]));
+  grow(value_, static_cast<std::size_t>(column_[n]));
   for (std::size_t k = 0; k < n; ++k) {
     const int own = static_cast<int>(k);
-    std::size_t top = n;
-    seen[k] = own;
-    for (Sparse::InnerIterator it(upper, own); it; ++it) {
-      auto i = static_cast<std::size_t>(it.index());
-      y[i] += it.value();
-      std::size_t length = 0;
-      for (; seen[i] != own; i = static_cast<std::size_t>(parent_[i])) {
-        pattern[length++] = static_cast<int>(i);
-        seen[i] = own;
-      }
-      while (length > 0) pattern[--top] = pattern[--length];
+    if (k > 0 && parent[k - 1] == own && entries[k - 1] == entries[k] + 1)
+      ++fronts_.back().end;
+    else
+      fronts_.push_back({own, own + 1, {}});
+    front_of[k] = static_cast<int>(fronts_.size()) - 1;
+  }
+  Work work;
+  for (std::size_t f = 0; f < fronts_.size(); ++f) {
+    add_rows(lower, fronts_[f], seen);
+    work.add(rows_of(fronts_[f]) * (fronts_[f].end - fronts_[f].first));
+    if (const int up = parent[static_cast<std::size_t>(fronts_[f].end) - 1]; up >= 0)
+      fronts_[static_cast<std::size_t>(front_of[static_cast<std::size_t>(up)])].below.push_back(f);
+  }
+}
+
+bool SparseFactor::factorize(const Sparse& a) {
+  const Sparse lower = ordered(a);
+  std::vector<MatrixXd> left(fronts_.size());  // by each, to the front above it: its lower half
+  std::vector<Index> at(static_cast<std::size_t>(a.cols()));  // of a row in the front at hand
+  MatrixXd dense;
+  Work work;
+  for (std::size_t k = 0; k < fronts_.size(); ++k) {
+    const Front& f = fronts_[k];
+    const Index size = rows_of(f), columns = f.end - f.first;
+    const int* const row = row_.data() + column_[static_cast<std::size_t>(f.first)];
+    for (Index r = 0; r < size; ++r) at[static_cast<std::size_t>(row[r])] = r;
+    dense.setZero(size, size);
+    for (int c = f.first; c < f.end; ++c)
+      for (Sparse::InnerIterator it(lower, c); it; ++it)
+        dense(at[static_cast<std::size_t>(it.index())], c - f.first) += it.value();
+    for (const std::size_t b : f.below) {
+      const int* const its = row_.data() + column_[static_cast<std::size_t>(fronts_[b].end) - 1] + 1;
+      for (Index c = 0; c < left[b].cols(); ++c)
+        for (Index r = c; r < left[b].rows(); ++r)
+          dense(at[static_cast<std::size_t>(its[r])], at[static_cast<std::size_t>(its[c])]) += left[b](r, c);
+      left[b].resize(0, 0);
     }
-    double d = y[k];
-    y[k] = 0;
-    for (; top < n; ++top) {
-      const auto i = static_cast<std::size_t>(pattern[top]);
-      const double right = y[i];
-      y[i] = 0;
-      const Eigen::Index first = column_[i], last = end[i]++;
-      const double entry = right / value[first];
-      for (Eigen::Index p = first + 1; p < last; ++p) y[static_cast<std::size_t>(row[p])] -= value[p] * entry;
-      d -= entry * entry;
-      row[last] = own;
-      value[last] = entry;
-      work.add(last - first);
-    }
-    if (!(d > 0)) return false;
-    const Eigen::Index diagonal = end[k]++;
-    row[diagonal] = own;
-    value[diagonal] = std::sqrt(d);
+    work.add(size * size);
+    if (!eliminate(columns, dense, work)) return false;
+    left[k] = dense.bottomRightCorner(size - columns, size - columns);
+    for (Index c = 0; c < columns; ++c)
+      std::copy_n(&dense(c, c), size - c, value_.begin() + column_[static_cast<std::size_t>(f.first + c)]);
   }
   return true;
 }
