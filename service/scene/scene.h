@@ -144,7 +144,7 @@ class Scene {
   const std::shared_ptr<VersionCounter> versions_;
   const Limits limits_;
   FingerBoard finger_;
-  ToldSlices told_;
+  ToldSlices told_{account_};
   const std::shared_ptr<Observers> observers_ = std::make_shared<Observers>();
 
   std::mutex publishing_;  // one publication at a time; guards next_window_id_ and stale_

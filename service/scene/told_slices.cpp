@@ -11,9 +11,13 @@ namespace teletact::service {
 
 void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues) {
   if (tissues.empty()) return;
+  std::size_t bytes = tissues.size() * sizeof(ToldTissue);
+  for (const ToldTissue& t : tissues)
+    bytes += sizeof(double) * static_cast<std::size_t>(t.information.size() + t.load.size());
+  Told told{std::move(tissues), account_.charge(Place::kHost, "told", bytes)};
   const std::lock_guard lock(mutex_);
   std::erase_if(told_, [&](const auto& slice) { return std::abs(slice.first - z_m) <= kSameSliceM; });
-  told_[z_m] = std::move(tissues);
+  told_[z_m] = std::move(told);
   if (told_.size() <= kMost) return;
   const auto first = told_.begin(), last = std::prev(told_.end());
   told_.erase(z_m - first->first > last->first - z_m ? first : last);
@@ -26,8 +30,15 @@ std::vector<ToldBeside> ToldSlices::beside(const ExplicitModulus& e, double z_m)
   };
   std::vector<ToldBeside> out;
   const std::lock_guard lock(mutex_);
-  for (const auto& [at_m, tissues] : told_)
-    if (!same(at_m, z_m) && published(at_m)) out.push_back({at_m - z_m, tissues});
+  for (const auto& [at_m, told] : told_)
+    if (!same(at_m, z_m) && published(at_m)) out.push_back({at_m - z_m, told.tissues});
+  return out;
+}
+
+std::map<double, std::vector<ToldTissue>> ToldSlices::all() const {
+  std::map<double, std::vector<ToldTissue>> out;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [at_m, told] : told_) out[at_m] = told.tissues;
   return out;
 }
 

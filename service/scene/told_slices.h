@@ -1,11 +1,12 @@
-// What the strain at a solid's slices last told of the tissue that they share, published or not. Not kept on
-// disk: after a restart slices tell it anew.
+// What the strain at a solid's slices last told of the tissue that they share, published or not.
 #pragma once
 
 #include <map>
 #include <mutex>
+#include <utility>
 #include <vector>
 
+#include "service/base/memory.h"
 #include "service/imaging/modulus/tissue_extent.h"
 #include "service/scene/scene_record.h"
 
@@ -14,14 +15,21 @@ namespace teletact::service {
 class ToldSlices {
  public:
   static constexpr std::size_t kMost = 64;
+  explicit ToldSlices(MemoryAccount account = {}) : account_(std::move(account)) {}
   // In the place of what a slice there told before; an empty one tells nothing, and changes nothing.
   void tell(double z_m, std::vector<ToldTissue>);
   // Where the solid has slices, but for one at z_m.
   std::vector<ToldBeside> beside(const ExplicitModulus&, double z_m) const;
+  std::map<double, std::vector<ToldTissue>> all() const;
 
  private:
+  struct Told {
+    std::vector<ToldTissue> tissues;
+    Charge held;
+  };
+  const MemoryAccount account_;
   mutable std::mutex mutex_;
-  std::map<double, std::vector<ToldTissue>> told_;  // by z, m; kMost at most, the farthest from the newest go
+  std::map<double, Told> told_;  // by z, m; kMost at most, the farthest from the newest go
 };
 
 }  // namespace teletact::service
