@@ -3,6 +3,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <mutex>
 #include <thread>
 #include <utility>
 
@@ -53,19 +54,30 @@ class Finger {
 
 }  // namespace
 
-WindowTimes windows_beside_touch(const std::function<service::Estimate()>& window, int windows,
+WindowTimes windows_beside_touch(const std::vector<std::function<service::Estimate()>>& at_once, int windows,
                                  const std::optional<reference::TouchedTissue>& touched) {
   std::vector<double> displacement, strain, modulus, total;
   std::optional<Finger> finger;
   if (touched) finger.emplace(*touched);
-  for (int k = 0; k < windows; ++k) {
-    const auto begin = Clock::now();
-    const service::Estimate e = window();
-    total.push_back(seconds_since(begin));
-    displacement.push_back(e.displacement_s), strain.push_back(e.strain_s), modulus.push_back(e.modulus_s);
+  std::mutex mutex;
+  const auto begin = Clock::now();
+  {
+    std::vector<std::jthread> threads;
+    for (const auto& window : at_once)
+      threads.emplace_back([&] {
+        for (int k = 0; k < windows; ++k) {
+          const auto asked = Clock::now();
+          const service::Estimate e = window();
+          const std::lock_guard lock(mutex);
+          total.push_back(seconds_since(asked));
+          displacement.push_back(e.displacement_s), strain.push_back(e.strain_s),
+              modulus.push_back(e.modulus_s);
+        }
+      });
   }
-  return {quantiles(displacement), quantiles(strain), quantiles(modulus), quantiles(total),
-          finger ? quantiles(finger->stop()) : Quantiles{}};
+  const double windows_s = static_cast<double>(total.size()) / seconds_since(begin);
+  return {windows_s,          quantiles(displacement), quantiles(strain),
+          quantiles(modulus), quantiles(total),        finger ? quantiles(finger->stop()) : Quantiles{}};
 }
 
 }  // namespace teletact::bench

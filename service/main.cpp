@@ -227,6 +227,12 @@ void add_serve(CLI::App& app, ServeOptions& o) {
       "--device", o.devices,
       "index of an OpenCL device, or part of its name; append /PARTS to divide it into equal parts; "
       "repeat for further devices");
+  command
+      ->add_option("--pairs-at-once", o.server.at_once,
+                   "pairs of frames, of different scenes, that each device works on; default: on a GPU as "
+                   "many as there are "
+                   "cores but one, on a processor half as many")
+      ->check(CLI::Range(std::size_t{1}, kMostAtOnce));
   command->add_option("--state", o.server.state_directory, "folder in which scenes survive the service");
   command->add_flag("--standby", o.server.standby,
                     "if another service holds the --state folder, wait for it; when stopped, hand it to a "
@@ -266,6 +272,7 @@ void add_kernels(CLI::App& app, ServeOptions& o) {
   app.set_version_flag("--version", "teletact-service " TELETACT_VERSION);
   app.require_subcommand(1);
   ServeOptions options;
+  options.server.at_once = 0;
   add_serve(app, options);
   add_kernels(app, options);
   bool as_json = false;

@@ -26,7 +26,8 @@ class Engines::Idle final : public Reclaimable {
   std::unique_ptr<Elastography> engine_;
 };
 
-Engines::Engines(std::shared_ptr<Device> device) : device_(std::move(device)) {}
+Engines::Engines(std::shared_ptr<Device> device, std::size_t most_idle)
+    : most_idle_(most_idle), device_(std::move(device)) {}
 Engines::~Engines() = default;
 
 Engines::Borrowed Engines::borrow(const std::string& client) {
@@ -64,7 +65,7 @@ void Engines::give_back(const std::string& client, const std::shared_ptr<Device>
   if (device != device_) return;
   idle_.push_front(std::make_shared<Idle>(client, std::move(engine)));
   account.add(device->place(), idle_.front());
-  if (idle_.size() <= kMaxIdle) return;
+  if (idle_.size() <= most_idle_) return;
   one_more = std::move(idle_.back());
   idle_.pop_back();
 }

@@ -1,5 +1,5 @@
 // Elastography engines for estimates that are under way at once. An engine keeps its buffers for the next
-// pair of the same client; more than kMaxIdle do not outlive their use, and idle ones go when others need
+// pair of the same client; more than `most_idle` do not outlive their use, and idle ones go when others need
 // the device's memory.
 #pragma once
 
@@ -15,8 +15,7 @@ namespace teletact::service {
 
 class Engines {
  public:
-  static constexpr std::size_t kMaxIdle = 2;
-  explicit Engines(std::shared_ptr<Device>);
+  explicit Engines(std::shared_ptr<Device>, std::size_t most_idle = 2);
   ~Engines();
 
   using Borrowed = std::unique_ptr<Elastography, std::function<void(Elastography*)>>;
@@ -28,6 +27,7 @@ class Engines {
  private:
   class Idle;
   void give_back(const std::string& client, const std::shared_ptr<Device>&, std::unique_ptr<Elastography>);
+  const std::size_t most_idle_;
   std::mutex mutex_;
   std::shared_ptr<Device> device_;
   std::list<std::shared_ptr<Idle>> idle_;  // used last first

@@ -22,20 +22,19 @@ constexpr double kOfCrossing = 0.85;
 
 ImagingLane::ImagingLane(std::size_t number, CurrentDevice& device, Workers& workers, Publisher& publisher,
                          std::shared_ptr<MemoryBudget> memory, Options options)
-    : number_(number),
-      device_(device),
+    : device_(device),
       workers_(workers),
       publisher_(publisher),
       memory_(std::move(memory)),
       options_(std::move(options)),
-      engines_(device),
+      engines_(device, options_.turns.size() + 1),
       recovery_(
           number, [this] { open_again(); }, options_.tell) {
   device_.on_failure([this](const std::string& why) { recovery_.failed(why); });
 }
 
 Workers::Running<void> ImagingLane::warm() {
-  return workers_.run(here({}), [this] {
+  return workers_.run(any(), [this] {
     const std::shared_ptr<Device> device = device_;
     if (device->was_tried()) return;  // by another service of this process
     engines_.borrow("")->warm();
@@ -44,11 +43,23 @@ Workers::Running<void> ImagingLane::warm() {
   });
 }
 
+bool ImagingLane::works() const {
+  return recovery_.works() && std::ranges::all_of(options_.turns, [this](std::size_t turns) {
+           return workers_.silent_s(turns) < stalled_s_;
+         });
+}
+
+double ImagingLane::busy_s() const {
+  double s = 0;
+  for (const std::size_t turns : options_.turns) s += workers_.worked_s(turns);
+  return s;
+}
+
 // A new device, tried by an estimate and by touch's kernels; then it is everybody's.
 void ImagingLane::open_again() {
   const std::shared_ptr<Device> device = options_.reopen();
   workers_
-      .run(here({}),
+      .run(any(),
            [this, device] {
              engines_.use(device);
              engines_.borrow("")->warm();
@@ -59,7 +70,7 @@ void ImagingLane::open_again() {
 }
 
 JobTerms ImagingLane::terms(const EstimateRequest& request, const JobTerms& asked) const {
-  JobTerms terms = here(asked);
+  JobTerms terms = asked;
   terms.cost_s = cost_.expected_s(request.size());
   if (request.finish_within_s > 0)
     terms.deadline = std::min(terms.deadline, Clock::now() + seconds(request.finish_within_s));

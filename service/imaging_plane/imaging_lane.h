@@ -1,5 +1,6 @@
 // One device of the imaging plane: what is estimated on it and when, how long that takes, and how the device
-// comes back when it fails. Its jobs take turns (service/scene/schedule.h), below touch. Thread-safe.
+// comes back when it fails. Its jobs take turns (service/scene/schedule.h), below touch; a device that idles
+// while a processor works on one pair has several turns at once. Thread-safe.
 #pragma once
 
 #include <atomic>
@@ -9,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "service/device/current_device.h"
 #include "service/imaging/engines.h"
@@ -33,10 +35,11 @@ class ImagingLane {
   // Without a look for so long, its device hangs: at most 50 ms of work lie between two (cancellation.h).
   static constexpr double kStalledS = 10;
 
-  // `device`: its `number`-th. `reopen` opens it anew after it failed; `tell` is told whether it works, on
-  // another thread; `warm` compiles what touch uses of it; `images`: whether a scene is imaged here, and not
-  // on another device meanwhile.
+  // `turns`: whose jobs run at once on it, by JobTerms::device. `reopen` opens it anew after it failed;
+  // `tell` is told whether it works, on another thread; `warm` compiles what touch uses of it; `images`:
+  // whether a scene is imaged here, and not on another device meanwhile.
   struct Options {
+    std::vector<std::size_t> turns;
     std::function<std::shared_ptr<Device>()> reopen;
     std::function<void(bool works)> tell;
     std::function<void(const std::shared_ptr<Device>&)> warm;
@@ -50,15 +53,16 @@ class ImagingLane {
   Workers::Running<void> warm();
   // Nobody is told of the device any more.
   void stop() { recovery_.stop(); }
-  bool works() const { return recovery_.works() && workers_.silent_s(number_) < stalled_s_; }
+  bool works() const;
   // From now on it hangs after so long, and not after kStalledS.
   void hangs_after(double silent_s) { stalled_s_ = silent_s; }
   // Throws Error(kUnavailable) with the remedy while the device does not work.
   void require_device() const { recovery_.require(); }
   bool failed() const { return !recovery_.works(); }
 
-  // `asked`, here and below: the client, and the deadline of its call, which the request may bring forward.
-  // By when one would be done, were it posted now, that takes as long on every device.
+  // `asked`, here and below: the client, whose turns it takes (ImagingPlane::lane_for), and the deadline of
+  // its call, which the request may bring forward. By when one would be done, were it posted now, that takes
+  // as long on every device.
   double done_in_s(const EstimateRequest&, const JobTerms& asked) const;
   // Before the upload: throws Error(kDeadline) for an estimate that even alone could not be done in time.
   void refuse_the_hopeless(const EstimateRequest&, const JobTerms& asked);
@@ -71,16 +75,13 @@ class ImagingLane {
   EstimateOutcome estimate(const EstimateRequest&, const JobTerms&, Clock::time_point received,
                            const std::function<Frames()>& frames, const std::function<void(Stage)>& ended);
 
-  // `asked` on this device.
-  JobTerms here(JobTerms asked) const {
-    asked.device = number_;
-    return asked;
-  }
-  // That jobs were at work with it, of the time since the start.
-  double busy_s() const { return workers_.worked_s(number_); }
+  // That jobs were at work with it, each for itself, since the start.
+  double busy_s() const;
 
  private:
   void open_again();
+  // On its first turns.
+  JobTerms any() const { return {.client = {}, .device = options_.turns.front()}; }
   JobTerms terms(const EstimateRequest&, const JobTerms& asked) const;
   // The least that it could work, s: by the quickest method where none is named.
   double min_s(const EstimateRequest&) const;
@@ -91,7 +92,6 @@ class ImagingLane {
   void require_in_time(const EstimateRequest&, const JobTerms&, double done_in_s, const char* words);
   EstimateOutcome work(const EstimateRequest&, const JobTerms&, Clock::time_point received,
                        const Frames& frames, const std::function<void(Stage)>& ended);
-  const std::size_t number_;
   CurrentDevice& device_;
   Workers& workers_;
   Publisher& publisher_;

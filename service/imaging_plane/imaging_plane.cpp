@@ -3,20 +3,32 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <thread>
 #include <utility>
 #include <vector>
 
 namespace teletact::service {
 
-ImagingPlane::ImagingPlane(std::deque<CurrentDevice>& devices, Scenes& scenes,
+std::size_t usual_at_once(const DeviceInfo& device, std::size_t cores) {
+  return std::clamp<std::size_t>(device.gpu ? std::max<std::size_t>(cores, 1) - 1 : cores / 2, 1,
+                                 kMostAtOnce);
+}
+
+ImagingPlane::ImagingPlane(std::deque<CurrentDevice>& devices, std::size_t at_once, Scenes& scenes,
                            const std::shared_ptr<MemoryBudget>& memory,
                            const std::shared_ptr<const TouchModels>& models,
                            std::function<std::shared_ptr<Device>(std::size_t)> reopen,
                            std::function<void(bool)> tell)
     : scenes_(scenes), works_(devices.size(), true), tell_(std::move(tell)), publisher_(scenes, workers_) {
+  // Each device's first turns before any's second.
+  std::vector<std::vector<std::size_t>> turns(devices.size());
+  for (std::size_t way = 0; way < kMostAtOnce; ++way)
+    for (std::size_t k = 0; k < devices.size(); ++k)
+      if (way < (at_once ? at_once : usual_at_once(devices[k]->info(), std::thread::hardware_concurrency())))
+        turns[k].push_back(device_of_.size()), device_of_.push_back(k);
   for (std::size_t k = 0; k < devices.size(); ++k)
     lanes_.emplace_back(k, devices[k], workers_, publisher_, memory,
-                        ImagingLane::Options{[reopen, k] { return reopen(k); },
+                        ImagingLane::Options{turns[k], [reopen, k] { return reopen(k); },
                                              [this, k](bool works) { this->tell(k, works); },
                                              [models, k](const std::shared_ptr<Device>& device) {
                                                if (k == 0) models->warm(device);
@@ -51,32 +63,35 @@ void ImagingPlane::require_device() const {
     lanes_.front().require_device();
 }
 
-ImagingLane& ImagingPlane::lane_for(const std::shared_ptr<const Scene>& scene,
+ImagingLane& ImagingPlane::lane_for(const std::shared_ptr<const Scene>& scene, JobTerms& asked,
                                     const std::function<double(const ImagingLane&)>& load_s) {
-  if (lanes_.size() == 1) return lanes_.front();
   std::vector<SceneLanes::Lane> lanes;
-  for (const ImagingLane& lane : lanes_) lanes.push_back({lane.works(), load_s(lane)});
-  return lanes_[places_.place(scene, lanes)];
+  for (asked.device = 0; asked.device < device_of_.size() && device_of_.size() > 1; ++asked.device) {
+    const std::size_t device = device_of_[asked.device];
+    lanes.push_back({lanes_[device].works(), load_s(lanes_[device]), device});
+  }
+  asked.device = lanes.empty() ? 0 : places_.place(scene, lanes);
+  return lanes_[device_of_[asked.device]];
 }
 
-ImagingLane& ImagingPlane::lane_for(const EstimateRequest& request, const JobTerms& asked) {
+ImagingLane& ImagingPlane::lane_for(const EstimateRequest& request, JobTerms& asked) {
   const auto& scene = request.scene || !request.slice_of ? request.scene : request.slice_of->scene;
-  return lane_for(scene, [&](const ImagingLane& lane) { return lane.done_in_s(request, asked); });
+  return lane_for(scene, asked, [&](const ImagingLane& lane) { return lane.done_in_s(request, asked); });
 }
 
 // What is no estimate: nobody knows how long it takes.
-ImagingLane& ImagingPlane::lane_for(const std::shared_ptr<const Scene>& scene, const JobTerms& asked) {
-  JobTerms terms = asked;
-  terms.cost_s = Schedule::kSliceS;
-  return lane_for(scene, [&](const ImagingLane& lane) { return workers_.done_in_s(lane.here(terms)); });
+JobTerms ImagingPlane::placed(const std::shared_ptr<const Scene>& scene, const std::string& client) {
+  JobTerms terms{.client = client, .cost_s = Schedule::kSliceS};
+  lane_for(scene, terms, [&](const ImagingLane&) { return workers_.done_in_s(terms); });
+  terms.cost_s = 0;
+  return terms;
 }
 
 Workers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeometry& geometry,
                                      std::optional<ExplicitModulus> modulus, const std::string& client,
                                      const Scenes::Made& made) {
-  const JobTerms terms{.client = client};
   return workers_.post(
-      lane_for(nullptr, terms).here(terms),
+      placed(nullptr, client),
       [this, id, geometry, modulus = std::move(modulus), client, made]() mutable {
         scenes_.make(id, geometry, std::move(modulus), made, client);
       },
@@ -87,10 +102,9 @@ Workers::Id ImagingPlane::make_scene(const std::string& id, const SceneGeometry&
 
 Workers::Id ImagingPlane::publish_slice(const std::shared_ptr<Scene>& scene, ModulusSlice slice,
                                         const std::string& client, const Told& told) {
-  const JobTerms terms{.client = client};
   const auto published = std::make_shared<Published>();
   return workers_.post(
-      lane_for(scene, terms).here(terms),
+      placed(scene, client),
       [this, scene, slice = std::move(slice), client, published] {
         *published = publisher_.publish(scene, slice, client);
       },

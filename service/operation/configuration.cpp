@@ -73,6 +73,14 @@ const char* set(bool& option, const toml::node& node, bool take) {
   return nullptr;
 }
 
+const char* set(std::size_t& option, const toml::node& node, bool take) {
+  static_assert(kMostAtOnce == 16);
+  const auto value = node.value_exact<std::int64_t>().value_or(0);
+  if (value < 1 || value > std::int64_t{kMostAtOnce}) return " must be a whole number from 1 to 16";
+  if (take) option = static_cast<std::size_t>(value);
+  return nullptr;
+}
+
 template <class Text>  // std::string, or a path
 const char* set(Text& option, const toml::node& node, bool take) {
   if (!node.is_string()) return " must be a string";
@@ -85,7 +93,7 @@ const char* set(Text& option, const toml::node& node, bool take) {
 void read_configuration(const std::function<bool(const std::string& flag)>& given, ServeOptions& options) {
   if (options.config.empty()) return;
   using Path = std::filesystem::path;
-  const std::map<std::string, std::variant<std::string*, Path*, bool*>> keys{
+  const std::map<std::string, std::variant<std::string*, Path*, bool*, std::size_t*>> keys{
       {"listen", &options.server.listen.listen},
       {"admin", &options.admin},
       {"state", &options.server.state_directory},
@@ -96,6 +104,7 @@ void read_configuration(const std::function<bool(const std::string& flag)>& give
       {"access", &options.server.listen.access},
       {"log_level", &options.log_level},
       {"standby", &options.server.standby},
+      {"pairs_at_once", &options.server.at_once},
       {"allow_insecure_remote", &options.server.listen.allow_insecure_remote}};
   for (const auto& [key, node] : parsed(options.config)) {
     const std::string name(key.str()), where = "--config " + options.config.string() + ": ";

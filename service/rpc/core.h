@@ -44,6 +44,7 @@ struct ServerOptions {
   bool standby = false;                   // make_ready() waits while another process has that folder
   // The device of this number, after it failed.
   std::function<std::shared_ptr<Device>(std::size_t number)> reopen = {};
+  std::size_t at_once = 1;  // pairs that a device works on; 0: usual_at_once()
   Limits limits;
   ConnectionLimits connections;
   std::shared_ptr<const TouchModels> models = tissue_models();  // what scenes are touched on
@@ -85,7 +86,7 @@ struct Core {
         connections(options.connections),
         calls(limits),
         scenes(options.state_directory, limits, machine_files(), memory, models, options.standby),
-        imaging(devices, scenes, memory, models, options.reopen, std::move(tell)),
+        imaging(devices, options.at_once, scenes, memory, models, options.reopen, std::move(tell)),
         touch(limits) {}
 
   // In whose name memory is held.

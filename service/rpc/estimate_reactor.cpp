@@ -124,7 +124,8 @@ class EstimateReactor final
         require_named(*context_, message_.acquisition().slice_of().scene_id());
       core_.imaging.require_device();
       request_ = request_from(message_.acquisition(), core_.scenes, limits);
-      core_.imaging.lane_for(*request_, terms()).refuse_the_hopeless(*request_, terms());
+      JobTerms asked = terms();
+      core_.imaging.lane_for(*request_, asked).refuse_the_hopeless(*request_, asked);
       upload_.emplace(*request_, message_.acquisition().dtype(), limits.max_chunk_bytes);
       // As it comes, and as samples.
       upload_bytes_ = core_.account(client_of(*context_))
@@ -153,8 +154,9 @@ class EstimateReactor final
     upload_->require_whole();
     received_ = Clock::now();
     over("upload");
-    lane_ = &core_.imaging.lane_for(*request_, terms());
-    admitted_ = lane_->admit(*request_, terms());
+    JobTerms asked = terms();
+    lane_ = &core_.imaging.lane_for(*request_, asked);
+    admitted_ = lane_->admit(*request_, asked);
     {
       const std::lock_guard lock(mutex_);
       uploading_ = false;

@@ -171,10 +171,11 @@ double Schedule::done_in_s(const JobTerms& terms, Time now) const {
   double own_s = terms.cost_s, owed_s = 0;
   for (const auto& [id, job] : jobs_) {
     if (job.terms.device != terms.device) continue;
+    const double left_s = std::max(job.left_s, job.begun ? kSliceS : 0);  // one that is late, too
     if (job.terms.owed)
-      owed_s += job.left_s;
+      owed_s += left_s;
     else if (job.terms.client == terms.client && (job.begun || job.terms.deadline <= terms.deadline))
-      own_s += job.left_s;
+      own_s += left_s;
   }
   std::ptrdiff_t others = 0;
   if (const auto device = devices_.find(terms.device); device != devices_.end())

@@ -1,10 +1,12 @@
-// The imaging plane without its callers: what a pair that is late says of the next, and a device that fails
-// when another is in use by then.
+// The imaging plane without its callers: what a pair that is late says of the next, a device that fails when
+// another is in use by then, and pairs that one device works on at once.
 #include "service/imaging_plane/imaging_plane.h"
 
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <barrier>
+#include <map>
 #include <thread>
 
 #include "service/device/cancellation.h"
@@ -12,12 +14,15 @@
 #include "service/scene/errors.h"
 #include "tests/imaging/imaging_device.h"
 #include "tests/imaging/speckle.h"
+#include "tests/scene/create_scene.h"
+#include "tests/scene/windows.h"
 
 namespace teletact::service {
 namespace {
 
 class Plane : public testing::Test {
  protected:
+  explicit Plane(std::size_t at_once_ = 1) : at_once(at_once_) {}
   using Frames = std::pair<RfFrame, RfFrame>;
   static Frames frames() {
     static const Speckle speckle{SpeckleOptions()};
@@ -44,6 +49,7 @@ class Plane : public testing::Test {
   }
   double expected_s() { return lane.admit(request, {}).cost_s; }
 
+  const std::size_t at_once;
   const Limits limits = resolved({}, std::uint64_t{1} << 32, std::uint64_t{1} << 32);
   const EstimateRequest request = settled(limits);
   const std::vector<std::shared_ptr<Device>> opened{imaging_device()};
@@ -51,6 +57,7 @@ class Plane : public testing::Test {
   Scenes scenes{""};
   std::atomic<int> told{0};
   ImagingPlane plane{devices,
+                     at_once,
                      scenes,
                      std::make_shared<MemoryBudget>(limits),
                      tissue_models(),
@@ -87,6 +94,71 @@ TEST_F(Plane, FailureOfAReplacedDeviceIsNotTheNewOnes) {
   EXPECT_NO_THROW(plane.require_device());
   EXPECT_NO_THROW(estimate(frames, {}));
   EXPECT_EQ(told, 0);
+}
+
+TEST(UsualAtOnce, AGpuHasAPairACoreButOneAndAProcessorOneForTwo) {
+  DeviceInfo device;
+  for (const auto& [cores, pairs] : std::map<std::size_t, std::size_t>{{0, 1}, {2, 1}, {8, 4}, {64, 16}})
+    EXPECT_EQ(usual_at_once(device, cores), pairs) << cores;
+  device.gpu = true;
+  for (const auto& [cores, pairs] :
+       std::map<std::size_t, std::size_t>{{0, 1}, {2, 1}, {8, 7}, {17, 16}, {64, 16}})
+    EXPECT_EQ(usual_at_once(device, cores), pairs) << cores;
+}
+
+class AtOnce : public Plane {
+ protected:
+  AtOnce() : Plane(2) {}
+  // On the turns that it is given.
+  Workers::Running<Estimate> begin(const EstimateRequest& of, const std::function<Frames()>& unpack) {
+    JobTerms terms;
+    ImagingLane& at = plane.lane_for(of, terms);
+    terms = at.admit(of, terms);
+    return plane.workers().run(terms, [this, &at, of, terms, unpack] {
+      return at.estimate(of, terms, Workers::Clock::now(), unpack, {}).estimate;
+    });
+  }
+  std::shared_ptr<Scene> scene(const char* id) {
+    return create_scene(scenes, id, tissue(0.05, 0.02), std::nullopt);
+  }
+  EstimateRequest slice_of(const std::shared_ptr<Scene>& of) {
+    EstimateRequest out = request;
+    out.slice_of = {of, 0, 0};
+    return out;
+  }
+};
+
+// Each begins only when the other has, and both find what one alone finds.
+TEST_F(AtOnce, TwoPairsAreWorkedOnSideBySide) {
+  std::barrier both(2);
+  const auto together = [&] {
+    both.arrive_and_wait();
+    return frames();
+  };
+  auto first = begin(request, together), second = begin(request, together);
+  const Estimate a = first.future.get(), b = second.future.get(), alone = begin(request, frames).future.get();
+  const auto map = [](const Estimate& e) {
+    Field out = e.modulus.youngs_modulus;
+    for (std::size_t n = 0; n < out.size(); ++n)
+      if (!e.valid[n]) out[n] = 0;  // NaN, which equals nothing
+    return out;
+  };
+  EXPECT_GT(alone.valid_fraction, 0.5);
+  EXPECT_EQ(map(a), map(alone));
+  EXPECT_EQ(map(b), map(alone));
+}
+
+// What a scene's pair tells is known to its next one.
+TEST_F(AtOnce, PairsOfOneSceneAreWorkedOnOneByOne) {
+  const auto a = scene("a"), b = scene("b");
+  const auto turns_of = [&](const std::shared_ptr<Scene>& of) {
+    JobTerms terms;
+    plane.lane_for(slice_of(of), terms);
+    return terms.device;
+  };
+  EXPECT_EQ(turns_of(a), turns_of(a));
+  EXPECT_NE(turns_of(a), turns_of(b));
+  EXPECT_EQ(turns_of(b), turns_of(b));
 }
 
 }  // namespace

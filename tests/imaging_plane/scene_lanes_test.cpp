@@ -36,15 +36,28 @@ TEST_F(Placing, DeletedScenesDoNotCount) {
 
 TEST_F(Placing, SceneMovesToAWorkingDeviceAndStays) {
   const auto a = scene("a");
-  EXPECT_EQ(places.place(a, {{true, 0}, {true, 1}, {true, 2}}), 0U);
-  EXPECT_EQ(places.place(a, {{false, 0}, {false, 1}, {false, 2}}), 0U) << "it waits for its own";
+  EXPECT_EQ(places.place(a, {{true, 0, 0}, {true, 1, 1}, {true, 2, 2}}), 0U);
+  EXPECT_EQ(places.place(a, {{false, 0, 0}, {false, 1, 1}, {false, 2, 2}}), 0U) << "it waits for its own";
   EXPECT_EQ(places.moved(), 0U);
   EXPECT_TRUE(places.is_at(a, 0));
-  EXPECT_EQ(places.place(a, {{false, 0}, {false, 1}, {true, 2}}), 2U);
+  EXPECT_EQ(places.place(a, {{false, 0, 0}, {false, 1, 1}, {true, 2, 2}}), 2U);
   EXPECT_FALSE(places.is_at(a, 0));
   EXPECT_TRUE(places.is_at(a, 2));
-  EXPECT_EQ(places.place(a, {{true, 0}, {true, 1}, {true, 2}}), 2U) << "back again, it takes what comes anew";
+  EXPECT_EQ(places.place(a, {{true, 0, 0}, {true, 1, 1}, {true, 2, 2}}), 2U)
+      << "back again, it takes what comes anew";
   EXPECT_EQ(places.moved(), 1U);
+}
+
+// One that works on several pairs at once has as many places.
+TEST_F(Placing, ADevicesPlacesAreItsScenes) {
+  const std::vector<SceneLanes::Lane> lanes{{true, 0, 0}, {true, 0, 1}, {true, 0, 0}};
+  const auto a = scene("a"), b = scene("b"), c = scene("c");
+  EXPECT_EQ(places.place(a, lanes), 0U);
+  EXPECT_EQ(places.place(b, lanes), 1U);
+  EXPECT_EQ(places.place(c, lanes), 2U);
+  EXPECT_TRUE(places.is_at(a, 0) && places.is_at(b, 1) && places.is_at(c, 0));
+  EXPECT_EQ(places.place(c, {{false, 0, 0}, {true, 0, 1}, {false, 0, 0}}), 1U) << "its device has failed";
+  EXPECT_TRUE(places.is_at(c, 1));
 }
 
 TEST_F(Placing, WithoutASceneItIsTheLeastLoadedThatWorks) {

@@ -78,6 +78,8 @@ TEST(Configuration, WhatIsNoLimitOrBeyondItsRangeIsNamed) {
           "limits.max_max_strain: it is a constant, 0.125; take the line out");
   refused("[limits]\nmax_scenes = \"many\"\n", "limits.max_scenes must be a number");
   refused("limits = 3\n", "limits must be a table");
+  refused("pairs_at_once = 0\n", "pairs_at_once must be a whole number from 1 to 16");
+  refused("pairs_at_once = 17\n", "pairs_at_once must be a whole number from 1 to 16");
   refused("device = [0]\n", "device must be a string, or a list of strings");
   refused("device = []\n", "device is an empty list");
   refused("device = [\"0\", \"0\"]\n", "is chosen already");

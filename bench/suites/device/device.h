@@ -59,6 +59,7 @@ struct ReferenceFigures {
 
 struct WindowsFigures {
   std::string modulus;
+  std::size_t at_once = 1;
   bool beside_touch = false;
   double windows_s = 0, p50_ms = 0, p95_ms = 0, displacement_ms = 0, strain_ms = 0, modulus_ms = 0,
          touch_p99_ms = 0;
@@ -71,7 +72,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DeviceStageFigures, stage, ms, launches, copi
                                    mb_from, longest_chain, a_gpu_modelled_ms)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KernelFigures, stage, kernel, launches, ms, gb_s, gflop_s, of_limit, bound)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ReferenceFigures, stage, precision, off, bound, met)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowsFigures, modulus, beside_touch, windows_s, p50_ms, p95_ms,
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowsFigures, modulus, at_once, beside_touch, windows_s, p50_ms, p95_ms,
                                    displacement_ms, strain_ms, modulus_ms, touch_p99_ms)
 
 // A part at work: what it measures on, and where each row goes as soon as it is known.

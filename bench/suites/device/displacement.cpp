@@ -1,7 +1,9 @@
-// A window's displacement and strain, and whole windows one at a time.
+// A window's displacement and strain, and whole windows, several at once.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
+#include <deque>
 
 #include "bench/basics/median.h"
 #include "bench/peers/rf_nodes.h"
@@ -95,37 +97,45 @@ void measure_displacement(DevicePart& part) {
 
 void measure_windows(DevicePart& part) {
   constexpr int kOfGpu = 31, kOfProcessor = 11, kQuick = 3;  // busy cores take a second a window
+  constexpr std::array<std::size_t, 3> kAtOnceOfGpu{1, 4, 16}, kAtOnceOfProcessor{1, 2, 4};
   PhantomCase of;
   of.tissue_width_m = 0.160;
   const Phantom p = Phantoms().make(of, 1);
   const auto device = part.open();
-  service::Elastography elastography(device);
+  const auto& numbers = device->info().gpu ? kAtOnceOfGpu : kAtOnceOfProcessor;
+  std::deque<service::Elastography> engines;
+  while (engines.size() < (part.quick ? 1 : numbers.back())) engines.emplace_back(device);
   const int windows = part.quick ? kQuick : device->info().gpu ? kOfGpu : kOfProcessor;
-  elastography.warm();
+  for (service::Elastography& engine : engines) engine.warm();
   for (const auto& [name, kind] : {std::pair{"direct", service::ModulusKind::kDirect},
                                    std::pair{"iterative", service::ModulusKind::kIterative}})
-    for (const bool touch : {false, true}) {
-      if (part.quick && kind != service::ModulusKind::kDirect) continue;
-      const auto window = [&, kind = kind] {
-        return elastography.estimate(
-            p.pre, p.post, {p.geometry, {{p.sensed_force_n, p.contact_area_m2}}, p.tissue, {}, {kind, {}}});
-      };
-      const WindowTimes t =
-          windows_beside_touch(window, windows, touch ? std::optional(scene_window()) : std::nullopt);
-      const WindowsFigures f{name,
-                             touch,
-                             1 / t.total_s.p50,
-                             1e3 * t.total_s.p50,
-                             1e3 * t.total_s.p95,
-                             1e3 * t.displacement_s.p50,
-                             1e3 * t.strain_s.p50,
-                             1e3 * t.modulus_s.p50,
-                             touch ? 1e3 * t.touch_latency_s.p99 : kNan};
-      part.add("windows", f);
-      std::printf("windows, %s modulus%s: %.1f/s, p50 %.0f ms, p95 %.0f ms\n", name,
-                  touch ? ", beside a touch stream" : "", f.windows_s, f.p50_ms, f.p95_ms);
-      std::fflush(stdout);
-    }
+    for (const std::size_t at_once : numbers)
+      for (const bool touch : {false, true}) {
+        if (part.quick && (kind != service::ModulusKind::kDirect || at_once > 1)) continue;
+        std::vector<std::function<service::Estimate()>> of_engines;
+        for (std::size_t k = 0; k < at_once; ++k)
+          of_engines.emplace_back([&, engine = &engines[k], kind = kind] {
+            return engine->estimate(
+                p.pre, p.post,
+                {p.geometry, {{p.sensed_force_n, p.contact_area_m2}}, p.tissue, {}, {kind, {}}});
+          });
+        const WindowTimes t =
+            windows_beside_touch(of_engines, windows, touch ? std::optional(scene_window()) : std::nullopt);
+        const WindowsFigures f{name,
+                               at_once,
+                               touch,
+                               t.windows_s,
+                               1e3 * t.total_s.p50,
+                               1e3 * t.total_s.p95,
+                               1e3 * t.displacement_s.p50,
+                               1e3 * t.strain_s.p50,
+                               1e3 * t.modulus_s.p50,
+                               touch ? 1e3 * t.touch_latency_s.p99 : kNan};
+        part.add("windows", f);
+        std::printf("windows, %s modulus, %zu at once%s: %.1f/s, p50 %.0f ms, p95 %.0f ms\n", name, at_once,
+                    touch ? ", beside a touch stream" : "", f.windows_s, f.p50_ms, f.p95_ms);
+        std::fflush(stdout);
+      }
 }
 
 }  // namespace teletact::bench

@@ -36,7 +36,8 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusSeed, failed, seconds, displacement_s,
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusMethodFigures, method, ours, seeds, image)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusCase, contrast, diameter_m, methods)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ModulusFigures, background_pa, judged, cases)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowTimes, displacement_s, strain_s, modulus_s, total_s, touch_latency_s)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowTimes, windows_s, displacement_s, strain_s, modulus_s, total_s,
+                                   touch_latency_s)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StageFigures, direct, iterative)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Failure, method, of, why)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WithoutFigure, method, of, seeds, of_seeds)

@@ -14,10 +14,10 @@ StageFigures measure_stages(const std::shared_ptr<service::Device>& device, bool
   const int windows = quick ? 5 : 31;
   const auto with = [&](service::ModulusKind kind) {
     return windows_beside_touch(
-        [&] {
+        {[&] {
           return elastography.estimate(
               p.pre, p.post, {p.geometry, {{p.sensed_force_n, p.contact_area_m2}}, p.tissue, {}, {kind, {}}});
-        },
+        }},
         windows, make_tissue({}));
   };
   return {with(service::ModulusKind::kDirect), with(service::ModulusKind::kIterative)};

@@ -13,6 +13,7 @@ bool configuration(Bytes bytes) {
   const auto given = [](const std::string& flag) { return flag == "--state"; };
   if (!accepted<std::runtime_error>([&] { service::read_configuration(given, options); })) return false;
   require(options.server.state_directory.empty(), "the file wins over the command line");
+  require(options.server.at_once <= service::kMostAtOnce, "more pairs at once than there may be");
   for (const service::LimitRow& row : service::limit_rows()) {
     const double value = row.value(options.server.limits);
     require(value == row.value({}) || (row.meaning && value >= row.min && value <= row.max),
