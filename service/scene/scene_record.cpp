@@ -161,11 +161,11 @@ bool is_information(const Eigen::MatrixXd& a) {
 
 std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
   constexpr std::size_t kMostTissues = 256, kMostNumbers = 16;
-  if (names.size() > kMostTissues) throw std::runtime_error("told: too many tissues");
+  if (names.size() > kMostTissues) throw std::runtime_error("tissues of slices: too many");
   std::vector<ToldTissue> out;
   for (const json& name : names) {
-    const std::size_t count = count_of(name.at(3), "told");
-    if (count > kMostNumbers) throw std::runtime_error("told: too many numbers");
+    const std::size_t count = count_of(name.at(3), "tissues of slices");
+    if (count > kMostNumbers) throw std::runtime_error("tissues of slices: too many numbers");
     const std::vector<double> numbers = take<double>(rest, 1 + count + count * count);
     const auto n = static_cast<Eigen::Index>(count);
     ToldTissue t{name.at(0).get<int>(),
@@ -176,7 +176,7 @@ std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
                  Eigen::Map<const Eigen::VectorXd>(numbers.data() + 1, n)};
     const bool finite = std::ranges::all_of(numbers, [](double x) { return std::isfinite(x); });
     if (!finite || t.log_likelihood > 0 || (n > 0 && !is_information(t.information)))
-      throw std::runtime_error("told: no odds and no information of a tissue");
+      throw std::runtime_error("tissues of slices: neither odds nor information");
     out.push_back(std::move(t));
   }
   return out;

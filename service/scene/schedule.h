@@ -1,6 +1,7 @@
 // Whose turn it is: the order of jobs that take turns, without threads, network or a clock of its own (time
 // is an argument). Workers (workers.h) do what it says. One schedule has several devices; each has its own
-// order, and one job works with it at a time.
+// order, and one job works with it at a time. A device that is to work on several at once stands here as many
+// times (ImagingPlane).
 //
 // Shares. Each client has an account of the seconds that it was served by a device; the one with least goes
 // first. A client that comes anew starts level with those that are served: nobody saves up.

@@ -1,5 +1,5 @@
 // The threads that do what a Schedule says: imaging's jobs with each device, and what is done in the
-// background, such as writing to disk. One job works with a device at a time, and gives way at a
+// background, such as writing to disk. One job has a device's turns at a time, and gives way at a
 // check_cancelled() (service/device/cancellation.h); a job that gave way keeps its thread and goes on later.
 // The threads run at a raised nice value, so that touch, at normal priority, never waits for them (T1).
 // Thread-safe.

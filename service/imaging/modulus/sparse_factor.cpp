@@ -45,6 +45,11 @@ bool eliminate(Index columns, MatrixXd& a, Work& work) {
   return true;
 }
 
+double dot(const double* a, const double* b, Index size) {
+  using Values = Eigen::Map<const Eigen::VectorXd>;
+  return Values(a, size).dot(Values(b, size));
+}
+
 struct Cells {
   std::size_t left, right, top, bottom;  // the second and the fourth are the first beyond
 };
@@ -185,27 +190,37 @@ bool SparseFactor::factorize(const Sparse& a) {
   return true;
 }
 
+// Of each front the rows below it together: what its columns share is read once, and one behind the other.
 Eigen::VectorXd SparseFactor::solve(const Eigen::VectorXd& b) const {
   Eigen::VectorXd x = place_ * b;
+  std::vector<double> part(static_cast<std::size_t>(x.size()));
+  double* const sum = part.data();
   Work work;
-  for (Eigen::Index k = 0; k < x.size(); ++k) {
-    const Eigen::Index first = column_[static_cast<std::size_t>(k)],
-                       last = column_[static_cast<std::size_t>(k) + 1];
-    if (x[k] == 0) continue;
-    x[k] /= value_[static_cast<std::size_t>(first)];
-    const double solved = x[k];
-    for (auto p = static_cast<std::size_t>(first) + 1; p < static_cast<std::size_t>(last); ++p)
-      x[row_[p]] -= solved * value_[p];
-    work.add(last - first);
+  for (const Front& f : fronts_) {
+    const Index columns = f.end - f.first, below = rows_of(f) - columns;
+    double* const own = x.data() + f.first;
+    const int* const row = row_.data() + column_[static_cast<std::size_t>(f.end) - 1] + 1;
+    std::fill_n(sum, below, 0.0);
+    for (Index k = 0; k < columns; ++k) {
+      const double* l = value_.data() + column_[static_cast<std::size_t>(f.first + k)];
+      const double solved = own[k] /= *l++;
+      for (Index r = k + 1; r < columns; ++r) own[r] -= *l++ * solved;
+      for (Index r = 0; r < below; ++r) sum[r] += l[r] * solved;
+    }
+    for (Index r = 0; r < below; ++r) x[row[r]] -= sum[r];
+    work.add(columns * rows_of(f));
   }
-  for (Eigen::Index k = x.size(); k-- > 0;) {
-    const Eigen::Index first = column_[static_cast<std::size_t>(k)],
-                       last = column_[static_cast<std::size_t>(k) + 1];
-    double rest = x[k];
-    for (auto p = static_cast<std::size_t>(first) + 1; p < static_cast<std::size_t>(last); ++p)
-      rest -= value_[p] * x[row_[p]];
-    x[k] = rest / value_[static_cast<std::size_t>(first)];
-    work.add(last - first);
+  for (auto f = fronts_.rbegin(); f != fronts_.rend(); ++f) {
+    const Index columns = f->end - f->first, below = rows_of(*f) - columns;
+    double* const own = x.data() + f->first;
+    const int* const row = row_.data() + column_[static_cast<std::size_t>(f->end) - 1] + 1;
+    for (Index r = 0; r < below; ++r) sum[r] = x[row[r]];
+    for (Index k = columns; k-- > 0;) {
+      const double* const l = value_.data() + column_[static_cast<std::size_t>(f->first + k)];
+      const Index under = columns - k - 1;
+      own[k] = (own[k] - dot(l + 1, own + k + 1, under) - dot(l + 1 + under, sum, below)) / *l;
+    }
+    work.add(columns * rows_of(*f));
   }
   return place_.inverse() * x;
 }
