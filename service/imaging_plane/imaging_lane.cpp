@@ -52,7 +52,7 @@ bool ImagingLane::works() const {
 double ImagingLane::busy_s() const {
   double s = 0;
   for (const std::size_t turns : options_.turns) s += workers_.worked_s(turns);
-  return s;
+  return s / static_cast<double>(options_.turns.size());
 }
 
 // A new device, tried by an estimate and by touch's kernels; then it is everybody's.

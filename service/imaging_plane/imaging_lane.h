@@ -75,7 +75,7 @@ class ImagingLane {
   EstimateOutcome estimate(const EstimateRequest&, const JobTerms&, Clock::time_point received,
                            const std::function<Frames()>& frames, const std::function<void(Stage)>& ended);
 
-  // That jobs were at work with it, each for itself, since the start.
+  // That jobs were at work with it, in the mean of its turns, of the time since the start.
   double busy_s() const;
 
  private:

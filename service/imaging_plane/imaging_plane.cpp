@@ -10,6 +10,7 @@
 namespace teletact::service {
 
 std::size_t usual_at_once(const DeviceInfo& device, std::size_t cores) {
+  if (!device.gpu) cores = std::min<std::size_t>(cores, device.compute_units);
   return std::clamp<std::size_t>(device.gpu ? std::max<std::size_t>(cores, 1) - 1 : cores / 2, 1,
                                  kMostAtOnce);
 }
@@ -20,11 +21,12 @@ ImagingPlane::ImagingPlane(std::deque<CurrentDevice>& devices, std::size_t at_on
                            std::function<std::shared_ptr<Device>(std::size_t)> reopen,
                            std::function<void(bool)> tell)
     : scenes_(scenes), works_(devices.size(), true), tell_(std::move(tell)), publisher_(scenes, workers_) {
+  const std::size_t cores = std::thread::hardware_concurrency() / devices.size();
   // Each device's first turns before any's second.
   std::vector<std::vector<std::size_t>> turns(devices.size());
   for (std::size_t way = 0; way < kMostAtOnce; ++way)
     for (std::size_t k = 0; k < devices.size(); ++k)
-      if (way < (at_once ? at_once : usual_at_once(devices[k]->info(), std::thread::hardware_concurrency())))
+      if (way < (at_once ? at_once : usual_at_once(devices[k]->info(), cores)))
         turns[k].push_back(device_of_.size()), device_of_.push_back(k);
   for (std::size_t k = 0; k < devices.size(); ++k)
     lanes_.emplace_back(k, devices[k], workers_, publisher_, memory,

@@ -18,6 +18,7 @@ namespace teletact::service {
 
 // The modulus keeps one core at work, and the rest idle: a pair for each core but one, which is touch's,
 // keeps a GPU at work, and one for each two cores a processor, whose kernels take them too.
+// `cores`: of the machine, over its devices.
 constexpr std::size_t kMostAtOnce = 16;
 std::size_t usual_at_once(const DeviceInfo&, std::size_t cores);
 

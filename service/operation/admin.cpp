@@ -79,7 +79,7 @@ void add_devices(Core& core, Families& out) {
       out.add(value_of(core.imaging.lanes()[k]), {{"device", std::to_string(k)}});
   };
   out.begin("teletact_imaging_busy_seconds_total",
-            "That the imaging plane was at work with a device, by the sum of its jobs", MetricType::Counter);
+            "That the imaging plane was at work with a device, in the mean of the pairs it may work on at once", MetricType::Counter);
   add([](const ImagingLane& lane) { return lane.busy_s(); });
   out.begin("teletact_device_works", "1: estimates are made on it; 0: it failed, or hangs");
   add([](const ImagingLane& lane) { return lane.works() ? 1.0 : 0.0; });

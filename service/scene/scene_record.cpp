@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -141,47 +140,6 @@ std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
   return e;
 }
 
-// Its numbers stand after the modulus; earlier versions, which know of none, read what is before.
-json to_json(const std::vector<ToldTissue>& tissues, std::string& raw) {
-  json names = json::array();
-  for (const ToldTissue& t : tissues) {
-    names.push_back({t.ends, t.slides, t.place, t.load.size()});
-    append(raw, std::vector{t.log_likelihood});
-    append(raw, std::vector(t.load.begin(), t.load.end()));
-    append(raw, std::vector(t.information.reshaped().begin(), t.information.reshaped().end()));
-  }
-  return names;
-}
-
-// To rounding, no combination of numbers has less than none.
-bool is_information(const Eigen::MatrixXd& a) {
-  const Eigen::VectorXd sizes = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(a).eigenvalues();
-  return a.isApprox(a.transpose(), 1e-9) && sizes.minCoeff() >= -1e-9 * sizes.maxCoeff();
-}
-
-std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
-  constexpr std::size_t kMostTissues = 256, kMostNumbers = 16;
-  if (names.size() > kMostTissues) throw std::runtime_error("tissues of slices: too many");
-  std::vector<ToldTissue> out;
-  for (const json& name : names) {
-    const std::size_t count = count_of(name.at(3), "tissues of slices");
-    if (count > kMostNumbers) throw std::runtime_error("tissues of slices: too many numbers");
-    const std::vector<double> numbers = take<double>(rest, 1 + count + count * count);
-    const auto n = static_cast<Eigen::Index>(count);
-    ToldTissue t{name.at(0).get<int>(),
-                 name.at(1).get<int>(),
-                 name.at(2).get<int>(),
-                 numbers[0],
-                 Eigen::Map<const Eigen::MatrixXd>(numbers.data() + 1 + count, n, n),
-                 Eigen::Map<const Eigen::VectorXd>(numbers.data() + 1, n)};
-    const bool finite = std::ranges::all_of(numbers, [](double x) { return std::isfinite(x); });
-    if (!finite || t.log_likelihood > 0 || (n > 0 && !is_information(t.information)))
-      throw std::runtime_error("tissues of slices: neither odds nor information");
-    out.push_back(std::move(t));
-  }
-  return out;
-}
-
 // Files of before have none.
 void require_checksum(json scene) {
   const auto stated = scene.find("checksum");
@@ -235,7 +193,6 @@ EncodedScene encoded(const SceneRecord& record) {
     append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.slices_m);
     append(raw, e.youngs_modulus_pa), append(raw, e.log_deviation);
     for (const std::vector<float>& modes : e.log_modes) append(raw, modes);
-    for (const auto& [z_m, tissues] : record.told) scene["told"].push_back({z_m, to_json(tissues, raw)});
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -293,9 +250,6 @@ SceneRecord decoded(const std::string& description,
     check_modulus(e, record.geometry, limits);
     e.hidden_log_variance = hidden_log_variance(e);
     record.explicit_modulus = std::move(e);
-    if (scene.contains("told"))
-      for (const json& slice : scene["told"])
-        record.told[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known
       if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();

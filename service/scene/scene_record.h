@@ -3,13 +3,11 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "service/imaging/modulus/tissue_extent.h"
 #include "service/scene/geometry.h"
 #include "service/scene/stitched_map.h"
 
@@ -48,7 +46,6 @@ struct SceneRecord {
   std::vector<WindowRecord> windows;
   // One of the two, or neither while nothing is published.
   std::optional<ExplicitModulus> explicit_modulus;
-  std::map<double, std::vector<ToldTissue>> told = {};  // ToldSlices, of an explicit modulus
   std::vector<float> map_modulus_pa;
   std::vector<CellState> map_states;
   std::vector<float> map_log_deviation;

@@ -51,7 +51,7 @@ class Schedule {
   using Time = JobTerms::Time;
   using Id = std::uint64_t;  // never 0
   static constexpr double kSliceS = 0.05;
-  // Of each device, what is owed and the background aside.
+  // Of each device, and of each of its turns where it has several; what is owed and the background aside.
   static constexpr std::size_t kMaxWaiting = 64;           // of all clients
   static constexpr std::size_t kMaxWaitingPerClient = 16;  // of one
   // More than there are places for estimates: a new scene never waits for the end of a long one.

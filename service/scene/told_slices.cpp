@@ -1,5 +1,7 @@
 #include "service/scene/told_slices.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -14,7 +16,13 @@ void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues) {
   std::size_t bytes = tissues.size() * sizeof(ToldTissue);
   for (const ToldTissue& t : tissues)
     bytes += sizeof(double) * static_cast<std::size_t>(t.information.size() + t.load.size());
-  Told told{std::move(tissues), account_.charge(Place::kHost, "told", bytes)};
+  Told told{std::move(tissues), {}};
+  try {
+    told.held = account_.charge(Place::kHost, "told", bytes);
+  } catch (const MemoryRefused& refused) {
+    spdlog::warn("event=slice_not_heeded z_m={:.4f} error=\"{}\"", z_m, refused.what());
+    return;
+  }
   const std::lock_guard lock(mutex_);
   std::erase_if(told_, [&](const auto& slice) { return std::abs(slice.first - z_m) <= kSameSliceM; });
   told_[z_m] = std::move(told);
@@ -32,13 +40,6 @@ std::vector<ToldBeside> ToldSlices::beside(const ExplicitModulus& e, double z_m)
   const std::lock_guard lock(mutex_);
   for (const auto& [at_m, told] : told_)
     if (!same(at_m, z_m) && published(at_m)) out.push_back({at_m - z_m, told.tissues});
-  return out;
-}
-
-std::map<double, std::vector<ToldTissue>> ToldSlices::all() const {
-  std::map<double, std::vector<ToldTissue>> out;
-  const std::lock_guard lock(mutex_);
-  for (const auto& [at_m, told] : told_) out[at_m] = told.tissues;
   return out;
 }
 

@@ -1,4 +1,5 @@
-// What the strain at a solid's slices last told of the tissue that they share, published or not.
+// What the strain at a solid's slices last told of the tissue that they share, published or not. Not kept on
+// disk: after a restart slices tell it anew.
 #pragma once
 
 #include <map>
@@ -16,11 +17,11 @@ class ToldSlices {
  public:
   static constexpr std::size_t kMost = 64;
   explicit ToldSlices(MemoryAccount account = {}) : account_(std::move(account)) {}
-  // In the place of what a slice there told before; an empty one tells nothing, and changes nothing.
+  // In the place of what a slice there told before; an empty one tells nothing, and changes nothing. So does
+  // one for which there is no memory: that is logged.
   void tell(double z_m, std::vector<ToldTissue>);
   // Where the solid has slices, but for one at z_m.
   std::vector<ToldBeside> beside(const ExplicitModulus&, double z_m) const;
-  std::map<double, std::vector<ToldTissue>> all() const;
 
  private:
   struct Told {

@@ -98,8 +98,11 @@ TEST_F(Plane, FailureOfAReplacedDeviceIsNotTheNewOnes) {
 
 TEST(UsualAtOnce, AGpuHasAPairACoreButOneAndAProcessorOneForTwo) {
   DeviceInfo device;
+  device.compute_units = 64;
   for (const auto& [cores, pairs] : std::map<std::size_t, std::size_t>{{0, 1}, {2, 1}, {8, 4}, {64, 16}})
     EXPECT_EQ(usual_at_once(device, cores), pairs) << cores;
+  device.compute_units = 4;
+  EXPECT_EQ(usual_at_once(device, 64), 2U) << "a part of it";
   device.gpu = true;
   for (const auto& [cores, pairs] :
        std::map<std::size_t, std::size_t>{{0, 1}, {2, 1}, {8, 7}, {17, 16}, {64, 16}})

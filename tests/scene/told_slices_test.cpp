@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "service/scene/scene.h"
-#include "tests/scene/windows.h"
-
 namespace teletact::service {
 namespace {
 
@@ -44,68 +41,21 @@ TEST(ToldSlices, AreBoundedWhereverAPeerPutsThem) {
   EXPECT_EQ(kept.back().tissues[0].place, 399) << "the farthest from the newest go";
 }
 
-const Limits kLimits = resolved({}, std::uint64_t{1} << 32, std::uint64_t{1} << 32);
-
-// A solid with two slices, one of which has told.
-SceneRecord kept(const ToldTissue& told) {
-  ExplicitModulus e;
-  e.x_m = {0, 0.02, 0.04}, e.y_m = {0, 0.01, 0.02}, e.z_m = {0, 0.01, 0.02};
-  e.youngs_modulus_pa = {1e4, 2e4, 1e4, 2e4, 3e4, 4e4, 3e4, 4e4};
-  SceneRecord record;
-  record.id = "s", record.geometry = tissue(0.04, 0.02), record.version = 3;
-  record.explicit_modulus = e, record.told[0.005] = {told, {0, 1, 30, -2.5}};
-  return record;
-}
-
-ToldTissue numbers() {
-  ToldTissue t{1, 0, -1, -0.25, Eigen::MatrixXd::Identity(2, 2), Eigen::VectorXd::Constant(2, 0.1)};
-  t.information << 400, 30, 30, 90;
-  return t;
-}
-
-SceneRecord read_again(const SceneRecord& record) {
-  const EncodedScene files = encoded(record);
-  return decoded(
-      files.description, [&](const std::string&) { return files.map; }, kLimits);
-}
-
-TEST(ToldSlices, AreKeptWithTheirScene) {
-  const Scene scene(read_again(kept(numbers())), versions(), kLimits);
-  const SceneRecord again = scene.record();
-  ASSERT_EQ(again.told.size(), 1U);
-  const std::vector<ToldTissue>& tissues = again.told.at(0.005);
-  ASSERT_EQ(tissues.size(), 2U);
-  EXPECT_EQ(tissues[0].place, -1);
-  EXPECT_EQ(tissues[0].log_likelihood, -0.25);
-  EXPECT_EQ(tissues[0].information, numbers().information);
-  EXPECT_EQ(tissues[0].load, numbers().load);
-  EXPECT_EQ(tissues[1].slides, 1);
-  EXPECT_EQ(tissues[1].load.size(), 0);
-}
-
-TEST(ToldSlices, WhatNoSliceTellsIsNotRead) {
-  const auto refused = [](const auto& spoil) {
-    ToldTissue t = numbers();
-    spoil(t);
-    EXPECT_THROW(read_again(kept(t)), std::runtime_error);
-  };
-  refused([](ToldTissue& t) { t.log_likelihood = 1; });
-  refused([](ToldTissue& t) { t.log_likelihood = std::nan(""); });
-  refused([](ToldTissue& t) { t.load[1] = HUGE_VAL; });
-  refused([](ToldTissue& t) { t.information(1, 1) = -1; });
-  refused([](ToldTissue& t) { t.information(0, 1) = 60; });
-}
-
+// What is refused changes nothing.
 TEST(ToldSlices, AreChargedToTheirScene) {
-  const auto budget = std::make_shared<MemoryBudget>(kLimits);
+  Limits limits = resolved({}, std::uint64_t{1} << 32, std::uint64_t{1} << 32);
+  const ToldTissue tissue{1, 0, -1, -0.25, Eigen::MatrixXd::Identity(2, 2), Eigen::VectorXd::Zero(2)};
+  constexpr std::uint64_t kOne = sizeof(ToldTissue) + 6 * sizeof(double);
+  limits.host_memory_bytes = 5 * kOne / 2, limits.client_memory_share = 1;
+  const auto budget = std::make_shared<MemoryBudget>(limits);
   ToldSlices slices({budget, "a"});
-  slices.tell(0, {numbers()});
-  const std::uint64_t one = budget->held(Place::kHost);
-  EXPECT_GE(one, sizeof(ToldTissue) + 6 * sizeof(double));
-  slices.tell(0, {numbers()});
-  EXPECT_EQ(budget->held(Place::kHost), one);
-  slices.tell(0.01, {numbers()});
-  EXPECT_EQ(budget->held(Place::kHost), 2 * one);
+  slices.tell(0, {tissue});
+  EXPECT_EQ(budget->held(Place::kHost), kOne);
+  slices.tell(0, {tissue});
+  EXPECT_EQ(budget->held(Place::kHost), kOne);
+  slices.tell(0.01, {tissue}), slices.tell(0.02, {tissue});
+  EXPECT_EQ(budget->held(Place::kHost), 2 * kOne);
+  EXPECT_EQ(slices.beside(with_slices({0, 0.01, 0.02}), 1).size(), 2U);
 }
 
 }  // namespace

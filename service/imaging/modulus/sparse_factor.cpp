@@ -131,6 +131,7 @@ void SparseFactor::add_rows(const Sparse& lower, const Front& f, std::vector<int
 }
 
 void SparseFactor::analyze(const Sparse& a, const std::vector<int>& order) {
+  analyzed_ = false;
   const auto n = static_cast<std::size_t>(a.cols());
   place_.resize(a.cols());
   for (std::size_t k = 0; k < n; ++k) place_.indices()[order[k]] = static_cast<int>(k);
@@ -157,6 +158,7 @@ void SparseFactor::analyze(const Sparse& a, const std::vector<int>& order) {
     if (const int up = parent[static_cast<std::size_t>(fronts_[f].end) - 1]; up >= 0)
       fronts_[static_cast<std::size_t>(front_of[static_cast<std::size_t>(up)])].below.push_back(f);
   }
+  analyzed_ = true;
 }
 
 bool SparseFactor::factorize(const Sparse& a) {

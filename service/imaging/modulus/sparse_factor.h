@@ -19,9 +19,9 @@ std::vector<int> nested_dissection(std::size_t nx, std::size_t ny);
 class SparseFactor {
  public:
   using Sparse = Eigen::SparseMatrix<double>;
-  bool analyzed() const { return !column_.empty(); }
+  bool analyzed() const { return analyzed_; }
   // Serves all matrices of this pattern, symmetric, both halves there. `order`: the unknowns as they are
-  // eliminated.
+  // eliminated. One that was left is none: call it again before factorize().
   void analyze(const Sparse&, const std::vector<int>& order);
   // After analyze(). False: not positive definite. A factor that was left is no factor: call it again before
   // solve().
@@ -47,6 +47,7 @@ class SparseFactor {
     const auto k = static_cast<std::size_t>(f.first);
     return column_[k + 1] - column_[k];
   }
+  bool analyzed_ = false;
   std::vector<Front> fronts_;
   // L, column by column: where each begins (and the last ends), the diagonal first, rows increasing.
   std::vector<Eigen::Index> column_;

@@ -332,7 +332,7 @@ bool StripCache::Key::same(const Key& k) const {
 
 namespace {
 
-// Memory of a model: its factor, whose fill was measured on strips of 5e3 to 2e5 unknowns, its matrix and
+// Memory of a model: its factor and its fronts, measured on strips of 5e3 to 2e5 unknowns, its matrix and
 // where elements add to it; and what is needed for a moment to lay them out.
 struct ModelBytes {
   std::uint64_t kept, making;
