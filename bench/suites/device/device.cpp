@@ -39,7 +39,8 @@ const std::vector<std::pair<std::string, void (*)(DevicePart&)>>& parts() {
       {"solids", measure_solids},
       {"planes", measure_planes},
       {"references", measure_references},
-      {"windows", measure_windows}};
+      {"windows", measure_windows},
+      {"transforms", measure_transforms}};
   return all;
 }
 
@@ -186,7 +187,7 @@ json in_short(const json& all) {
                                      {"of_limit", row.at("of_limit")}});
     }
     if (table == kLimits) page[table] = rows.at(0);
-    if (table == "windows") page[table] = rows;
+    if (table == "windows" || table == "transforms") page[table] = rows;
   }
   const auto nearness = [](const json& row) {
     return row.at("off").get<double>() / row.at("bound").get<double>();

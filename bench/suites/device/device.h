@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/basics/median.h"
 #include "service/device/device.h"
 #include "tests/reference/contact.h"
 
@@ -65,6 +66,12 @@ struct WindowsFigures {
          touch_p99_ms = 0;
 };
 
+struct TransformsFigures {
+  std::string transform;
+  double ours_ms = 0, vkfft_ms = kNan, vkfft_off = kNan;
+  std::string absent = {};  // why VkFFT took no part
+};
+
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DeviceLimits, launch_s, wait_s, serial_term_s, triad_bytes, triad_bytes_s,
                                    flops_s, pinned_to_bytes_s, pinned_from_bytes_s, pageable_to_bytes_s,
                                    pageable_from_bytes_s)
@@ -72,6 +79,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DeviceStageFigures, stage, ms, launches, copi
                                    mb_from, longest_chain, a_gpu_modelled_ms)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KernelFigures, stage, kernel, launches, ms, gb_s, gflop_s, of_limit, bound)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ReferenceFigures, stage, precision, off, bound, met)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TransformsFigures, transform, ours_ms, vkfft_ms, vkfft_off, absent)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(WindowsFigures, modulus, at_once, beside_touch, windows_s, p50_ms, p95_ms,
                                    displacement_ms, strain_ms, modulus_ms, touch_p99_ms)
 
@@ -108,5 +116,6 @@ void measure_solids(DevicePart&);
 void measure_planes(DevicePart&);
 void measure_references(DevicePart&);
 void measure_windows(DevicePart&);
+void measure_transforms(DevicePart&);
 
 }  // namespace teletact::bench
