@@ -18,7 +18,7 @@ std::size_t usual_at_once(const DeviceInfo& device, std::size_t cores) {
 ImagingPlane::ImagingPlane(std::deque<CurrentDevice>& devices, std::size_t at_once, Scenes& scenes,
                            const std::shared_ptr<MemoryBudget>& memory,
                            const std::shared_ptr<const TouchModels>& models,
-                           std::function<std::shared_ptr<Device>(std::size_t)> reopen,
+                           const std::function<std::shared_ptr<Device>(std::size_t)>& reopen,
                            std::function<void(bool)> tell)
     : scenes_(scenes), works_(devices.size(), true), tell_(std::move(tell)), publisher_(scenes, workers_) {
   const std::size_t cores = std::thread::hardware_concurrency() / devices.size();

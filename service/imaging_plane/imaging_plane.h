@@ -29,7 +29,7 @@ class ImagingPlane {
   // any works, on another thread.
   ImagingPlane(std::deque<CurrentDevice>& devices, std::size_t at_once, Scenes&,
                const std::shared_ptr<MemoryBudget>&, const std::shared_ptr<const TouchModels>&,
-               std::function<std::shared_ptr<Device>(std::size_t number)> reopen,
+               const std::function<std::shared_ptr<Device>(std::size_t number)>& reopen,
                std::function<void(bool works)> tell);
   ~ImagingPlane() { stop(); }
   ImagingPlane(const ImagingPlane&) = delete;
