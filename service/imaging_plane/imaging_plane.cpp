@@ -67,12 +67,14 @@ void ImagingPlane::require_device() const {
 
 ImagingLane& ImagingPlane::lane_for(const std::shared_ptr<const Scene>& scene, JobTerms& asked,
                                     const std::function<double(const ImagingLane&)>& load_s) {
+  asked.device = 0;
+  if (device_of_.size() == 1) return lanes_.front();
   std::vector<SceneLanes::Lane> lanes;
-  for (asked.device = 0; asked.device < device_of_.size() && device_of_.size() > 1; ++asked.device) {
-    const std::size_t device = device_of_[asked.device];
+  for (const std::size_t device : device_of_) {
     lanes.push_back({lanes_[device].works(), load_s(lanes_[device]), device});
+    ++asked.device;
   }
-  asked.device = lanes.empty() ? 0 : places_.place(scene, lanes);
+  asked.device = places_.place(scene, lanes);
   return lanes_[device_of_[asked.device]];
 }
 

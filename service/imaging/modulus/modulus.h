@@ -41,7 +41,7 @@ struct ModulusInput {
   double window_width_m;  // lines * pitch: the probe's face
   TissueExtent tissue;
   std::optional<ProbeForce> force;  // absent: relative modulus
-  KnownModulus known;               // by other windows; empty: unknown; not used for a relative modulus
+  KnownModulus known = {};          // by other windows; empty: unknown; not used for a relative modulus
   ModulusBudget budget = {};
   // Error of log E that is allowed: an iteration has settled once its steps change a third of it.
   double tolerance = 0.03;

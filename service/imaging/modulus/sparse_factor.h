@@ -1,9 +1,9 @@
 // A sparse Cholesky factor L L^T that looks up meanwhile (service/device/cancellation.h), multifrontal (Duff
 // and Reid, ACM Trans. Math. Softw. 9, 1983): columns with the same rows below them are eliminated together,
-// in a dense matrix. On windows and at the limits it is 3 to 7 times as quick as row by row, and as
-// CHOLMOD's, which cannot be left before its end. The order of a rectangle of cells is nested dissection: it
-// takes no time, and at the limits the factor has a third of the operations that Eigen's minimum degree
-// leaves it with.
+// in a dense matrix. That takes 0.3 to 0.45 of the time of row by row on windows, 0.15 on 400 x 200 nodes;
+// CHOLMOD takes longer, and cannot be left before its end. The order of a rectangle of cells is nested
+// dissection: it takes no time, and at the limits the factor has a third of the operations that Eigen's
+// minimum degree leaves it with.
 #pragma once
 
 #include <Eigen/Core>
