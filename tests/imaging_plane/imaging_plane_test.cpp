@@ -121,6 +121,22 @@ class AtOnce : public Plane {
       return at.estimate(of, terms, Workers::Clock::now(), unpack, {}).estimate;
     });
   }
+  // Each goes on only when the other has begun.
+  static Frames met(std::latch& both) {
+    const auto late = Workers::Clock::now() + std::chrono::minutes(1);
+    both.count_down();
+    while (!both.try_wait() && Workers::Clock::now() < late)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_TRUE(both.try_wait()) << "the other one waits for this one's end";
+    return frames();
+  }
+  static Field map(const Estimate& e) {
+    EXPECT_GT(e.valid_fraction, 0.5);
+    Field out = e.modulus.youngs_modulus;
+    for (std::size_t n = 0; n < out.size(); ++n)
+      if (!e.valid[n]) out[n] = 0;  // NaN, which equals nothing
+    return out;
+  }
   std::shared_ptr<Scene> scene(const char* id) {
     return create_scene(scenes, id, tissue(0.05, 0.02), std::nullopt);
   }
@@ -131,28 +147,36 @@ class AtOnce : public Plane {
   }
 };
 
-// Each goes on only when the other has begun, and both find what one alone finds.
+// Both find what one alone finds.
 TEST_F(AtOnce, TwoPairsAreWorkedOnSideBySide) {
   std::latch both(2);
-  const auto together = [&] {
-    const auto late = Workers::Clock::now() + std::chrono::minutes(1);
-    both.count_down();
-    while (!both.try_wait() && Workers::Clock::now() < late)
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    EXPECT_TRUE(both.try_wait()) << "the other one waits for this one's end";
-    return frames();
+  auto first = begin(request, [&] { return met(both); }), second = begin(request, [&] { return met(both); });
+  const Field a = map(first.future.get()), b = map(second.future.get()),
+              alone = map(begin(request, frames).future.get());
+  EXPECT_EQ(a, alone);
+  EXPECT_EQ(b, alone);
+}
+
+TEST_F(AtOnce, ADeviceThatFailsUnderBothComesBackForBoth) {
+  const Field before = map(begin(request, frames).future.get());
+  std::latch both(2);
+  const auto failing = [&] {
+    const Frames frames = met(both);
+    fail_launches(true);
+    return frames;
   };
-  auto first = begin(request, together), second = begin(request, together);
-  const Estimate a = first.future.get(), b = second.future.get(), alone = begin(request, frames).future.get();
-  const auto map = [](const Estimate& e) {
-    Field out = e.modulus.youngs_modulus;
-    for (std::size_t n = 0; n < out.size(); ++n)
-      if (!e.valid[n]) out[n] = 0;  // NaN, which equals nothing
-    return out;
-  };
-  EXPECT_GT(alone.valid_fraction, 0.5);
-  EXPECT_EQ(map(a), map(alone));
-  EXPECT_EQ(map(b), map(alone));
+  auto first = begin(request, failing), second = begin(request, failing);
+  for (auto* pair : {&first, &second}) try {
+      pair->future.get();
+      ADD_FAILURE() << "the launches did not fail";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind, ErrorKind::kUnavailable) << error.what();
+    }
+  fail_launches(false);
+  const auto late = Workers::Clock::now() + std::chrono::minutes(5);  // it is compiled for
+  while (lane.failed() && Workers::Clock::now() < late)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_EQ(map(begin(request, frames).future.get()), before);
 }
 
 // What a scene's pair tells is known to its next one.
