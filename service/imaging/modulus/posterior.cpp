@@ -152,7 +152,9 @@ ModulusPosterior ModulusProblem::posterior(const Point& p, bool absolute) {
   check_cancelled();
   const Eigen::MatrixXd x = weighed(texture);
   check_cancelled();
-  const Matrix told = spread * x;
+  Eigen::MatrixXd half = x;  // N Q^T X Q N is twice the symmetric part of N Q^T half Q N
+  half.diagonal() *= 0.5;
+  const Matrix told = spread * half.triangularView<Eigen::Lower>();
   check_cancelled();
   // The map's scale: d log(a P) / d log E, or the mean under the probe.
   VectorXd scale = VectorXd::Zero(elements);
@@ -168,10 +170,10 @@ ModulusPosterior ModulusProblem::posterior(const Point& p, bool absolute) {
       scale[element] = 1 / (under * size);
   });
   const VectorXd of_scale = preconditioner_.solve(scale);
-  const VectorXd with_scale = of_scale - told * patches.mean(of_scale);  // covariance
+  const VectorXd with_scale = of_scale - spread * (x * patches.mean(of_scale));  // covariance
   const double alone = scale.dot(with_scale);
   const VectorXd variance =
-      (preconditioner_.inverse_diagonal() - told.cwiseProduct(spread).rowwise().sum() - 2 * with_scale)
+      (preconditioner_.inverse_diagonal() - 2 * (told.cwiseProduct(spread).rowwise().sum() + with_scale))
           .array() +
       alone;
   // Variance of the mean over each patch, over the mean of its elements'.

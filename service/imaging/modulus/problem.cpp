@@ -13,8 +13,6 @@ namespace teletact::service {
 
 namespace {
 
-constexpr std::size_t kDataAtOnce = 512;  // between two looks
-
 // Weighted sums of the straight line through (modelled, displacement).
 struct Line {
   double w = 0, x = 0, y = 0, xx = 0, xy = 0;
@@ -119,31 +117,41 @@ std::vector<double> DisplacementData::weighted(const Fit& fit) const {
 }
 
 // With A = (modelled, 1), W the weights, S the interpolation and U the columns: U^T S^T (W - W A (A^T W A)^-1
-// A^T W) S U.
+// A^T W) S U. Data of one cell see the same nodes, so that S^T W S is a matrix of each cell's nodes.
 DisplacementData::Products DisplacementData::products(const Fit& fit,
                                                       const StripModel::NodeColumns& u) const {
-  StripModel::NodeColumns weighted = StripModel::NodeColumns::Zero(u.rows(), u.cols());  // S^T W S U
-  Eigen::MatrixXd line = Eigen::MatrixXd::Zero(2, u.cols());                             // A^T W S U
+  struct Cell {
+    const Datum* at = nullptr;
+    Eigen::Matrix4d weight = Eigen::Matrix4d::Zero();
+  };
+  std::vector<Cell> cells(static_cast<std::size_t>(u.rows()));      // by their first nodes
+  Eigen::Matrix2Xd of_nodes = Eigen::Matrix2Xd::Zero(2, u.rows());  // A^T W S
   Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
-  Eigen::RowVectorXd seen(u.cols());
   for (std::size_t k = 0; k < data_.size(); ++k) {
-    if (k % kDataAtOnce == 0) check_cancelled();
     const Datum& d = data_[k];
-    seen.setZero();
-    for (int a = 0; a < 4; ++a) seen += d.share[a] * u.row(static_cast<Eigen::Index>(d.node[a]));
-    seen *= d.weight * d.weight;
-    for (int a = 0; a < 4; ++a) weighted.row(static_cast<Eigen::Index>(d.node[a])) += d.share[a] * seen;
-    line.row(0) += fit.modelled[k] * seen;
-    line.row(1) += seen;
+    const double weight = d.weight * d.weight;
+    const Eigen::Vector4d share = Eigen::Map<const Eigen::Vector4f>(d.share).cast<double>();
     const Eigen::Vector2d of(fit.modelled[k], 1);
-    normal += d.weight * d.weight * of * of.transpose();
+    Cell& cell = cells[d.node[0]];
+    cell.at = &d;
+    cell.weight += weight * share * share.transpose();
+    for (int a = 0; a < 4; ++a) of_nodes.col(static_cast<Eigen::Index>(d.node[a])) += weight * share[a] * of;
+    normal += weight * of * of.transpose();
   }
-  const Eigen::MatrixXd followed = normal.fullPivLu().solve(line);
   check_cancelled();
-  Eigen::MatrixXd of_changes = u.transpose() * weighted;
-  of_changes -= line.transpose() * followed;
-  of_changes *= fit.amplitude * fit.amplitude * independence_;
-  return {std::move(of_changes), -followed.row(0).transpose()};
+  StripModel::NodeColumns weighted = StripModel::NodeColumns::Zero(u.rows(), u.cols());  // S^T W S U
+  for (const Cell& cell : cells)
+    for (int a = 0; cell.at && a < 4; ++a)
+      for (int b = 0; b < 4; ++b)
+        weighted.row(static_cast<Eigen::Index>(cell.at->node[a])) +=
+            cell.weight(a, b) * u.row(static_cast<Eigen::Index>(cell.at->node[b]));
+  check_cancelled();
+  const Eigen::MatrixXd line = of_nodes * u, followed = normal.fullPivLu().solve(line);
+  Eigen::MatrixXd half(u.cols(), u.cols());
+  half.triangularView<Eigen::Lower>() = u.transpose() * weighted;
+  half.triangularView<Eigen::Lower>() -= line.transpose() * followed;
+  const Eigen::MatrixXd of_changes = half.selfadjointView<Eigen::Lower>();
+  return {fit.amplitude * fit.amplitude * independence_ * of_changes, -followed.row(0).transpose()};
 }
 
 std::vector<double> DisplacementData::weight_of_elements(const TissueGrid& grid, const Fit& fit,

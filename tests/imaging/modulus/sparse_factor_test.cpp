@@ -81,9 +81,15 @@ TEST(SparseFactor, SolvesSeveralAtOnceAndKnowsTheInversesDiagonal) {
   const Eigen::MatrixXd inverse = Eigen::MatrixXd(a).inverse();
   EXPECT_LE(((factor.inverse_diagonal() - inverse.diagonal()).cwiseQuotient(inverse.diagonal())).norm(),
             1e-10);
-  SparseFactor::Columns b(a.rows(), 8);
-  for (Eigen::Index k = 0; k < b.size(); ++k) b(k / 8, k % 8) = std::sin(0.7 * static_cast<double>(k));
-  EXPECT_LE((factor.solve_columns(b) - inverse * b).norm(), 1e-10 * b.norm() * inverse.norm());
+  SparseFactor::Columns b(a.rows(), SparseFactor::Columns::ColsAtCompileTime);
+  for (Eigen::Index k = 0; k < b.size(); ++k)
+    b(k / b.cols(), k % b.cols()) = std::sin(0.7 * static_cast<double>(k));
+  const auto same = [&] {
+    EXPECT_LE((factor.solve_columns(b) - inverse * b).norm(), 1e-10 * b.norm() * inverse.norm());
+  };
+  same();
+  b.topRows(b.rows() * 2 / 3).setZero();  // fronts of which all are 0 are left out
+  same();
 }
 
 TEST(SparseFactor, SaysWhatIsNotPositiveDefinite) {
