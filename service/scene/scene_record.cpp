@@ -1,7 +1,9 @@
 #include "service/scene/scene_record.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -140,6 +142,64 @@ std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
   return e;
 }
 
+// What a slice can have told: finite odds, and of no combination of its numbers less than no information, to
+// rounding.
+bool can_be_told(const ToldTissue& t) {
+  constexpr double kRounding = 1e-9, kMost = 1e15;  // known to a nanometre, or to 3e-8 of it
+  const Eigen::Index n = t.load.size();
+  if (!(t.log_likelihood <= 0) || !std::isfinite(t.log_likelihood) || t.information.size() != n * n)
+    return false;
+  if (n == 0) return true;
+  const auto bounded = [&](const auto& values) { return (values.array().abs() <= kMost).all(); };
+  if (!bounded(t.load) || !bounded(t.information)) return false;
+  const Eigen::VectorXd sizes = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(t.information).eigenvalues();
+  return t.information.isApprox(t.information.transpose(), kRounding) &&
+         sizes.minCoeff() >= -kRounding * sizes.maxCoeff();
+}
+
+// Their numbers are the map's last; earlier versions, which know of none, read what is before.
+json to_json(const std::vector<ToldTissue>& tissues, std::string& raw) {
+  json names = json::array();
+  for (const ToldTissue& t : tissues) {
+    names.push_back({t.ends, t.slides, t.place, t.load.size()});
+    append(raw, std::vector{t.log_likelihood});
+    append(raw, std::vector(t.load.begin(), t.load.end()));
+    append(raw, std::vector(t.information.reshaped().begin(), t.information.reshaped().end()));
+  }
+  return names;
+}
+
+std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
+  constexpr std::size_t kMostNumbers = 16;  // of a tissue
+  std::vector<ToldTissue> out;
+  for (const json& name : names) {
+    const std::size_t count = count_of(name.at(3), "tissues");
+    if (count > kMostNumbers)
+      throw std::runtime_error(fmt::format("tissues: {} numbers of one, more than a slice finds", count));
+    const std::vector<double> numbers = take<double>(rest, 1 + count + count * count);
+    const auto n = static_cast<Eigen::Index>(count);
+    out.push_back({name.at(0).get<int>(), name.at(1).get<int>(), name.at(2).get<int>(), numbers[0],
+                   Eigen::Map<const Eigen::MatrixXd>(numbers.data() + 1 + count, n, n),
+                   Eigen::Map<const Eigen::VectorXd>(numbers.data() + 1, n)});
+    if (!can_be_told(out.back())) throw std::runtime_error("tissues: no slice finds such numbers");
+  }
+  return out;
+}
+
+// What is wrong with it costs these numbers, which slices tell anew, and not the scene.
+std::map<double, std::vector<ToldTissue>> told_from(const SceneRecord& of, const json& scene,
+                                                    std::string_view rest) {
+  std::map<double, std::vector<ToldTissue>> out;
+  if (scene.contains("tissues")) try {
+      for (const json& slice : scene["tissues"])
+        out[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
+    } catch (const std::exception& error) {
+      spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"", of.id, error.what());
+      out.clear();
+    }
+  return out;
+}
+
 // Files of before have none.
 void require_checksum(json scene) {
   const auto stated = scene.find("checksum");
@@ -193,6 +253,8 @@ EncodedScene encoded(const SceneRecord& record) {
     append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.slices_m);
     append(raw, e.youngs_modulus_pa), append(raw, e.log_deviation);
     for (const std::vector<float>& modes : e.log_modes) append(raw, modes);
+    for (const auto& [z_m, tissues] : record.told)
+      if (std::ranges::all_of(tissues, can_be_told)) scene["tissues"].push_back({z_m, to_json(tissues, raw)});
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -200,8 +262,9 @@ EncodedScene encoded(const SceneRecord& record) {
       if (w.b_mode) append(raw, w.b_mode->grey);
   }
   EncodedScene out;
-  out.map_name = fmt::format("map-{}.raw", record.version);
-  scene["map"] = {{"file", out.map_name}, {"checksum", checksum(raw)}};
+  const std::string of_map = checksum(raw);  // slices may tell more between two saves of a version
+  out.map_name = fmt::format("map-{}-{}.raw", record.version, of_map);
+  scene["map"] = {{"file", out.map_name}, {"checksum", of_map}};
   out.map = std::move(raw);
   scene["checksum"] = checksum(scene.dump());
   out.description = scene.dump(1);
@@ -250,6 +313,7 @@ SceneRecord decoded(const std::string& description,
     check_modulus(e, record.geometry, limits);
     e.hidden_log_variance = hidden_log_variance(e);
     record.explicit_modulus = std::move(e);
+    record.told = told_from(record, scene, rest);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known
       if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();

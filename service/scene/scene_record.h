@@ -3,11 +3,13 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "service/imaging/modulus/tissue_extent.h"
 #include "service/scene/geometry.h"
 #include "service/scene/stitched_map.h"
 
@@ -46,6 +48,7 @@ struct SceneRecord {
   std::vector<WindowRecord> windows;
   // One of the two, or neither while nothing is published.
   std::optional<ExplicitModulus> explicit_modulus;
+  std::map<double, std::vector<ToldTissue>> told = {};  // to an explicit modulus, by z (m): ToldSlices
   std::vector<float> map_modulus_pa;
   std::vector<CellState> map_states;
   std::vector<float> map_log_deviation;

@@ -1,5 +1,5 @@
-// What the strain at a solid's slices last told of the tissue that they share, published or not. Not kept on
-// disk: after a restart slices tell it anew.
+// What the strain at a solid's slices last told of the tissue that they share, published or not. Kept
+// on disk with the versions that are published.
 #pragma once
 
 #include <map>
@@ -22,6 +22,7 @@ class ToldSlices {
   void tell(double z_m, std::vector<ToldTissue>);
   // Where the solid has slices, but for one at z_m.
   std::vector<ToldBeside> beside(const ExplicitModulus&, double z_m) const;
+  std::map<double, std::vector<ToldTissue>> all() const;  // by z, m
 
  private:
   struct Told {

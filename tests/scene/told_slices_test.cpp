@@ -3,6 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
+#include "service/scene/scene.h"
+#include "service/scene/state_store.h"
+#include "tests/scene/losing_disk.h"
+#include "tests/scene/windows.h"
+
 namespace teletact::service {
 namespace {
 
@@ -56,6 +63,100 @@ TEST(ToldSlices, AreChargedToTheirScene) {
   slices.tell(0.01, {tissue}), slices.tell(0.02, {tissue});
   EXPECT_EQ(budget->held(Place::kHost), 2 * kOne);
   EXPECT_EQ(slices.beside(with_slices({0, 0.01, 0.02}), 1).size(), 2U);
+}
+
+// A solid with two slices, one of which has told.
+SceneRecord kept(const ToldTissue& told) {
+  ExplicitModulus e;
+  e.x_m = {0, 0.02, 0.04}, e.y_m = {0, 0.01, 0.02}, e.z_m = {0, 0.01, 0.02};
+  e.youngs_modulus_pa = {1e4, 2e4, 1e4, 2e4, 3e4, 4e4, 3e4, 4e4};
+  SceneRecord record;
+  record.id = "s", record.geometry = tissue(0.04, 0.02), record.version = 3;
+  record.explicit_modulus = e, record.told[0.005] = {told, {0, 1, 30, -2.5}};
+  return record;
+}
+
+ToldTissue numbers() {
+  ToldTissue t{1, 0, -1, -0.25, Eigen::MatrixXd::Identity(2, 2), Eigen::VectorXd::Constant(2, 0.1)};
+  t.information << 400, 30, 30, 90;
+  return t;
+}
+
+SceneRecord read_again(const EncodedScene& files) {
+  return decoded(
+      files.description, [&](const std::string&) { return files.map; }, Limits{});
+}
+
+TEST(ToldSlices, AreKeptWithTheirScene) {
+  const Scene scene(read_again(encoded(kept(numbers()))), nullptr, Limits{});
+  const SceneRecord again = scene.record();
+  ASSERT_EQ(again.told.size(), 1U);
+  const std::vector<ToldTissue>& tissues = again.told.at(0.005);
+  ASSERT_EQ(tissues.size(), 2U);
+  EXPECT_EQ(tissues[0].place, -1);
+  EXPECT_EQ(tissues[0].log_likelihood, -0.25);
+  EXPECT_EQ(tissues[0].information, numbers().information);
+  EXPECT_EQ(tissues[0].load, numbers().load);
+  EXPECT_EQ(tissues[1].slides, 1);
+  EXPECT_EQ(tissues[1].load.size(), 0);
+}
+
+// Neither written nor read; the solid is.
+TEST(ToldSlices, WhatNoSliceTellsIsNotKept) {
+  const auto spoilt = [](const auto& spoil) {
+    ToldTissue t = numbers();
+    spoil(t);
+    const SceneRecord again = read_again(encoded(kept(t)));
+    EXPECT_TRUE(again.told.empty());
+    EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa, kept(t).explicit_modulus->youngs_modulus_pa);
+  };
+  spoilt([](ToldTissue& t) { t.log_likelihood = 1; });
+  spoilt([](ToldTissue& t) { t.log_likelihood = std::nan(""); });
+  spoilt([](ToldTissue& t) { t.load[1] = HUGE_VAL; });
+  spoilt([](ToldTissue& t) { t.load[1] = 1e200; });
+  spoilt([](ToldTissue& t) { t.information(1, 1) = -1; });
+  spoilt([](ToldTissue& t) { t.information(0, 1) = 60; });
+}
+
+// On disk: beyond the map's end, more numbers than a tissue has, another kind of thing.
+TEST(ToldSlices, WhatIsNoneOnDiskCostsTheNumbersAlone) {
+  const EncodedScene files = encoded(kept(numbers()));
+  for (const char* told : {R"([[0.005, [[1, 0, -1, 3]]]])", R"([[0.005, [[1, 0, -1, 1000]]]])",
+                           R"([[0.005, [[1, 0, -1, -2]]]])", R"([["here", []]])", R"({"a": 1})"}) {
+    nlohmann::json scene = nlohmann::json::parse(files.description);
+    scene["tissues"] = nlohmann::json::parse(told), scene.erase("checksum");
+    const SceneRecord again = read_again({scene.dump(), files.map_name, files.map});
+    EXPECT_TRUE(again.told.empty()) << told;
+    EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa.size(), 8U) << told;
+  }
+}
+
+// A slice told more of a version that was saved already, and the power fails amid the second save.
+TEST(ToldSlices, TwoSavesOfAVersionCostNoScene) {
+  for (const auto unsynced :
+       {LosingDisk::Unsynced::kLost, LosingDisk::Unsynced::kKept, LosingDisk::Unsynced::kByChance})
+    for (std::size_t at = 0, failed = 1; failed; ++at) {
+      failed = 0;
+      const auto disk = std::make_shared<LosingDisk>();
+      {
+        StateStore store("/state", Limits{}, disk);
+        store.save(kept(numbers()));
+        ToldTissue more = numbers();
+        more.log_likelihood = -7;
+        disk->fail_power_at(at);
+        try {
+          store.save(kept(more));
+        } catch (const PowerFailed&) {
+          failed = 1;
+        }
+      }
+      disk->restart(unsynced, static_cast<unsigned>(at));
+      StateStore store("/state", Limits{}, disk);
+      std::vector<SceneRecord> scenes;
+      store.load([&](const SceneRecord& record) { scenes.push_back(record); });
+      ASSERT_EQ(scenes.size(), 1U) << at;
+      EXPECT_EQ(scenes[0].told.size(), 1U) << at;
+    }
 }
 
 }  // namespace

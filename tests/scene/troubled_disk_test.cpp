@@ -98,7 +98,7 @@ TEST_F(TroubledDisk, AFullOneIsNotFilledFurtherByWhatIsNotKept) {
       EXPECT_FALSE(name.ends_with(".tmp")) << name << " " << at;
       if (name.starts_with("map-")) newest = std::max<std::uint64_t>(newest, std::stoull(name.substr(4)));
     }
-    EXPECT_NE(description.find(fmt::format("\"map-{}.raw\"", newest)), std::string::npos)
+    EXPECT_NE(description.find(fmt::format("\"map-{}-", newest)), std::string::npos)
         << "nothing names version " << newest << " " << at;
   }
 }
