@@ -156,6 +156,39 @@ bool is_there(const json& result) {
   return ended == "complete" || ended.starts_with("stopped");
 }
 
+// Rows of windows, those beside a touch stream joined with those of as many windows without.
+json windows_in_short(const json& rows) {
+  json out = json::array();
+  for (const json& row : rows)
+    if (row.at("beside_touch").get<bool>()) {
+      json& alone = out.back();
+      alone["beside_touch_windows_s"] = row.at("windows_s");
+      alone["touch_p99_ms"] = row.at("touch_p99_ms");
+    } else {
+      out.push_back({});
+      for (const char* key : {"modulus", "at_once", "windows_s", "p50_ms", "p95_ms"})
+        out.back()[key] = row.at(key);
+    }
+  return out;
+}
+
+// Windows of 256 lines, 16 at once, each with the device as modelled for 128 lines and a core as fast as this
+// machine's; by modulus.
+json a_gpus_windows(const json& windows, const json& stages) {
+  constexpr double kAtOnce = 16, kTimesTheLines = 2;
+  json out = json::object();
+  for (const json& stage : stages)
+    for (const json& row : windows)
+      if (stage.at("stage").get<std::string>().starts_with("displacement and strain") &&
+          stage.at("a_gpu_modelled_ms").is_number() && row.at("at_once") == 1 &&
+          !row.at("beside_touch").get<bool>())
+        out[row.at("modulus").get<std::string>() + "_modulus"] =
+            1e3 * kAtOnce /
+            (kTimesTheLines * stage.at("a_gpu_modelled_ms").get<double>() +
+             row.at("modulus_ms").get<double>());
+  return out;
+}
+
 // What a page has room for: a row for each stage, on a processor with a GPU's ways beside its own; kernels
 // that take at least a third of a stage; of the references the one that is nearest to its bound.
 json in_short(const json& all) {
@@ -187,8 +220,13 @@ json in_short(const json& all) {
                                      {"of_limit", row.at("of_limit")}});
     }
     if (table == kLimits) page[table] = rows.at(0);
-    if (table == "windows" || table == "transforms") page[table] = rows;
+    if (table == "windows") page[table] = windows_in_short(rows);
+    if (table == "transforms") page[table] = rows;
   }
+  if (const json windows = a_gpus_windows(all.value("windows", json::array()),
+                                          all.value("displacement_stages", json::array()));
+      !windows.empty())
+    page["a_gpu_modelled_windows_s"] = windows;
   const auto nearness = [](const json& row) {
     return row.at("off").get<double>() / row.at("bound").get<double>();
   };
