@@ -25,7 +25,7 @@ using Eigen::VectorXd;
 constexpr double kNearFieldM = 3e-3;  // what the face's condition decides, not the modulus
 constexpr double kTold = 0.4;         // of the median modelled strain: with less a cell tells no modulus
 constexpr double kStandoffM = 4e-3;   // of the image without a trusted strain: less is the kernels'
-constexpr double kCommonLog = 0.03, kCommonLogOfSides = 0.06;  // of tissue that goes on, and that ends
+constexpr double kCommonLog = 0.03;   // the model's own, alike in all cells
 // Tissue that is taken to go on ends somewhere from 0.7 depths beside the face on: the mean over ln of the
 // way of ln of the force that it then lacks (0.08 at 0.8 depths, 0.035 at 1.1, 0.015 at 1.6).
 constexpr double kEndsSomewhereLog = 0.022;
@@ -336,11 +336,9 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   out.between_modes = principal(apart, kMostBetween);
   // And what each leaves open of itself; a block, whose length alone bears the force, that.
   std::vector<VectorXd> own;
-  double common = 0;
   const auto skins = static_cast<Index>(kSkinChanges);
   each([&](const TissueWindow& about, const CandidateTissue& m) {
     const double share = m.weight / weights;
-    common += share * squared(m.block || m.face.goes_on() ? kCommonLog : kCommonLogOfSides);
     if (m.block && in.force)
       own.push_back(
           VectorXd::Constant(static_cast<Index>(cells.size()), std::sqrt(share) * about.elevation.deviation));
@@ -377,7 +375,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
     }
   });
   out.changes = principal(columns_of(own), kMostChanges);
-  out.common_log = std::sqrt(common);
+  out.common_log = kCommonLog;
   const double grading = all ? likeliest.fit.at[kGrading] : 0;
   out.rest = std::abs(grading) < kMaxGrading ? likeliest.fit.rest
                                              : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);

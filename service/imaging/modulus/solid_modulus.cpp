@@ -30,8 +30,11 @@ using Eigen::VectorXd;
 // A step takes more than it should alone: where pressure carries the load, strain hardly follows the modulus.
 constexpr double kOverstep = 1.4;
 constexpr double kUnobservedLog = 0.6931;  // ln 2: of what no strain tells
-constexpr double kCellModelLog = 0.05;     // of ln(strain) in a cell: what no modulus of it explains
-constexpr double kTiltLog = 0.25;          // of the tilt: the tissue's own ramp may look like it
+// Of ln(strain) in a cell, what no modulus of it explains: as the map is smoothed for it, and as its
+// deviations state it. With the first in both, truths of other elements and speckle lie within 95 % intervals
+// in 98.6 %.
+constexpr double kCellModelLog = 0.05, kStatedModelLog = 0.03;
+constexpr double kTiltLog = 0.25;  // of the tilt: the tissue's own ramp may look like it
 constexpr double kMaxTilt = 0.5;
 constexpr double kRangeLog = 3;         // of ln E about the background
 constexpr double kCorrelationM = 5e-3;  // of what each cell tells by itself
@@ -151,10 +154,13 @@ class SolidModulusMethod : public ModulusMethod {
     const auto size = static_cast<Index>(cells.size());
     // Cells share what the strain's kernel covers.
     const double share = cells.spacing_m * cells.row_m / (strain_.kernel_axial_m * strain_.kernel_lateral_m);
-    VectorXd weight = VectorXd::Zero(size);
+    VectorXd weight = VectorXd::Zero(size), stated = weight;
     for (Index c = 0; c < size; ++c)
-      if (fit.measured.observed[c] > 0)
-        weight[c] = share / (std::pow(fit.measured.deviation[c], 2) + squared(kCellModelLog));
+      if (fit.measured.observed[c] > 0) {
+        const double noise = squared(fit.measured.deviation[c]);
+        weight[c] = share / (noise + squared(kCellModelLog)),
+        stated[c] = share / (noise + squared(kStatedModelLog));
+      }
     Denoiser denoise(cells);
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;
@@ -269,7 +275,7 @@ class SolidModulusMethod : public ModulusMethod {
       if (in.force) found.force_n = force_of(theta);
     }
     out.solves += solves_of(pushes);
-    found.own_deviation = denoise.deviation(observed, theta);
+    found.own_deviation = denoise.deviation((observed.array() > 0).select(stated, 0.0), theta);
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
     double all_own = 0, all_common = 0;
