@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -13,6 +14,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "service/base/shown.h"
 #include "service/scene/between_slices.h"
 #include "service/scene/slices.h"
 
@@ -143,18 +145,20 @@ std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
 }
 
 // What a slice can have told: finite odds, and of no combination of its numbers less than no information, to
-// rounding.
+// rounding, nor a mean beyond what logarithms of lengths and moduli can be.
 bool can_be_told(const ToldTissue& t) {
-  constexpr double kRounding = 1e-9, kMost = 1e15;  // known to a nanometre, or to 3e-8 of it
+  constexpr double kRounding = 1e-13, kMost = 1e12;  // known to 1e-6 of it
+  constexpr double kLargest = 20;                    // of a mean beside what is known beforehand
   const Eigen::Index n = t.load.size();
   if (!(t.log_likelihood <= 0) || !std::isfinite(t.log_likelihood) || t.information.size() != n * n)
     return false;
   if (n == 0) return true;
-  const auto bounded = [&](const auto& values) { return (values.array().abs() <= kMost).all(); };
-  if (!bounded(t.load) || !bounded(t.information)) return false;
-  const Eigen::VectorXd sizes = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(t.information).eigenvalues();
+  if (!(t.information.array().abs() <= kMost).all() || !t.load.allFinite()) return false;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> of(t.information);
+  const Eigen::ArrayXd sizes = of.eigenvalues(), loads = of.eigenvectors().transpose() * t.load;
   return t.information.isApprox(t.information.transpose(), kRounding) &&
-         sizes.minCoeff() >= -kRounding * sizes.maxCoeff();
+         (sizes >= -kRounding * sizes.maxCoeff()).all() &&
+         (loads.abs() <= kLargest * (1 + sizes.max(0))).all();
 }
 
 // Their numbers are the map's last; earlier versions, which know of none, read what is before.
@@ -169,6 +173,12 @@ json to_json(const std::vector<ToldTissue>& tissues, std::string& raw) {
   return names;
 }
 
+int kind_number(const json& number) {
+  const bool fits = number.is_number_integer() && number >= INT_MIN && number <= INT_MAX;
+  if (!fits) throw std::runtime_error("tissues: no number of a kind");
+  return number.get<int>();
+}
+
 std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
   constexpr std::size_t kMostNumbers = 16;  // of a tissue
   std::vector<ToldTissue> out;
@@ -178,7 +188,7 @@ std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
       throw std::runtime_error(fmt::format("tissues: {} numbers of one, more than a slice finds", count));
     const std::vector<double> numbers = take<double>(rest, 1 + count + count * count);
     const auto n = static_cast<Eigen::Index>(count);
-    out.push_back({name.at(0).get<int>(), name.at(1).get<int>(), name.at(2).get<int>(), numbers[0],
+    out.push_back({kind_number(name.at(0)), kind_number(name.at(1)), kind_number(name.at(2)), numbers[0],
                    Eigen::Map<const Eigen::MatrixXd>(numbers.data() + 1 + count, n, n),
                    Eigen::Map<const Eigen::VectorXd>(numbers.data() + 1, n)});
     if (!can_be_told(out.back())) throw std::runtime_error("tissues: no slice finds such numbers");
@@ -194,7 +204,8 @@ std::map<double, std::vector<ToldTissue>> told_from(const SceneRecord& of, const
       for (const json& slice : scene["tissues"])
         out[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
     } catch (const std::exception& error) {
-      spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"", of.id, error.what());
+      spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"", shown(of.id),
+                   shown(error.what(), 500));
       out.clear();
     }
   return out;

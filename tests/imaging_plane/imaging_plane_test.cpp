@@ -159,7 +159,10 @@ TEST_F(AtOnce, TwoPairsAreWorkedOnSideBySide) {
 
 TEST_F(AtOnce, ADeviceThatFailsUnderBothComesBackForBoth) {
   const Field before = map(begin(request, frames).future.get());
-  std::latch both(2);
+  const struct Reset {
+    ~Reset() { fail_launches(false); }
+  } reset;
+  std::latch both(2), again(2);
   const auto failing = [&] {
     const Frames frames = met(both);
     fail_launches(true);
@@ -176,7 +179,10 @@ TEST_F(AtOnce, ADeviceThatFailsUnderBothComesBackForBoth) {
   const auto late = Workers::Clock::now() + std::chrono::minutes(5);  // it is compiled for
   while (lane.failed() && Workers::Clock::now() < late)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  EXPECT_EQ(map(begin(request, frames).future.get()), before);
+  auto third = begin(request, [&] { return met(again); }),
+       fourth = begin(request, [&] { return met(again); });
+  EXPECT_EQ(map(third.future.get()), before);
+  EXPECT_EQ(map(fourth.future.get()), before);
 }
 
 // What a scene's pair tells is known to its next one.

@@ -1,8 +1,11 @@
 // What slices told of the tissue that they share, kept for those that come.
 #include "service/scene/told_slices.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "service/scene/scene.h"
@@ -114,6 +117,7 @@ TEST(ToldSlices, WhatNoSliceTellsIsNotKept) {
   spoilt([](ToldTissue& t) { t.log_likelihood = std::nan(""); });
   spoilt([](ToldTissue& t) { t.load[1] = HUGE_VAL; });
   spoilt([](ToldTissue& t) { t.load[1] = 1e200; });
+  spoilt([](ToldTissue& t) { t.information.setZero(), t.load[0] = 1e3; });
   spoilt([](ToldTissue& t) { t.information(1, 1) = -1; });
   spoilt([](ToldTissue& t) { t.information(0, 1) = 60; });
 }
@@ -121,14 +125,30 @@ TEST(ToldSlices, WhatNoSliceTellsIsNotKept) {
 // On disk: beyond the map's end, more numbers than a tissue has, another kind of thing.
 TEST(ToldSlices, WhatIsNoneOnDiskCostsTheNumbersAlone) {
   const EncodedScene files = encoded(kept(numbers()));
-  for (const char* told : {R"([[0.005, [[1, 0, -1, 3]]]])", R"([[0.005, [[1, 0, -1, 1000]]]])",
-                           R"([[0.005, [[1, 0, -1, -2]]]])", R"([["here", []]])", R"({"a": 1})"}) {
+  for (const char* told :
+       {R"([[0.005, [[1, 0, -1, 3]]]])", R"([[0.005, [[1, 0, -1, 1000]]]])", R"([[0.005, [[1, 0, -1, -2]]]])",
+        R"([[0.005, [[1e300, 0, -1, 0]]]])", R"([["here", []]])", R"({"a": 1})"}) {
     nlohmann::json scene = nlohmann::json::parse(files.description);
     scene["tissues"] = nlohmann::json::parse(told), scene.erase("checksum");
     const SceneRecord again = read_again({scene.dump(), files.map_name, files.map});
     EXPECT_TRUE(again.told.empty()) << told;
     EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa.size(), 8U) << told;
   }
+}
+
+// Numbers that no slice finds, under a checksum that is theirs.
+TEST(ToldSlices, WhatIsNoNumberOfASliceOnDiskIsNotRead) {
+  const auto read_with = [](double last) {  // of the second tissue: its ln likelihood
+    EncodedScene files = encoded(kept(numbers()));
+    std::memcpy(files.map.data() + files.map.size() - sizeof last, &last, sizeof last);
+    std::uint64_t hash = 0xcbf29ce484222325ULL;
+    for (const char c : files.map) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
+    nlohmann::json scene = nlohmann::json::parse(files.description);
+    scene["map"]["checksum"] = fmt::format("{:016x}", hash), scene.erase("checksum");
+    return read_again({scene.dump(), files.map_name, files.map});
+  };
+  EXPECT_EQ(read_with(-3).told.size(), 1U);
+  for (const double none : {1.0, std::nan(""), -HUGE_VAL}) EXPECT_TRUE(read_with(none).told.empty()) << none;
 }
 
 // A slice told more of a version that was saved already, and the power fails amid the second save.

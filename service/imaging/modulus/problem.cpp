@@ -13,6 +13,8 @@ namespace teletact::service {
 
 namespace {
 
+constexpr std::size_t kCellsAtOnce = 512;  // between two looks
+
 // Weighted sums of the straight line through (modelled, displacement).
 struct Line {
   double w = 0, x = 0, y = 0, xx = 0, xy = 0;
@@ -140,12 +142,14 @@ DisplacementData::Products DisplacementData::products(const Fit& fit,
   }
   check_cancelled();
   StripModel::NodeColumns weighted = StripModel::NodeColumns::Zero(u.rows(), u.cols());  // S^T W S U
-  for (const Cell& cell : cells)
+  for (std::size_t n = 0; n < cells.size(); ++n) {
+    if (n % kCellsAtOnce == 0) check_cancelled();
+    const Cell& cell = cells[n];
     for (int a = 0; cell.at && a < 4; ++a)
       for (int b = 0; b < 4; ++b)
         weighted.row(static_cast<Eigen::Index>(cell.at->node[a])) +=
             cell.weight(a, b) * u.row(static_cast<Eigen::Index>(cell.at->node[b]));
-  check_cancelled();
+  }
   const Eigen::MatrixXd line = of_nodes * u, followed = normal.fullPivLu().solve(line);
   Eigen::MatrixXd half(u.cols(), u.cols());
   half.triangularView<Eigen::Lower>() = u.transpose() * weighted;
