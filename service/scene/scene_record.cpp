@@ -197,15 +197,14 @@ std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
 }
 
 // What is wrong with it costs these numbers, which slices tell anew, and not the scene.
-std::map<double, std::vector<ToldTissue>> told_from(const SceneRecord& of, const json& scene,
-                                                    std::string_view rest) {
+std::map<double, std::vector<ToldTissue>> told_slices(const json& scene, std::string_view rest) {
   std::map<double, std::vector<ToldTissue>> out;
   if (scene.contains("tissues")) try {
       for (const json& slice : scene["tissues"])
         out[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
     } catch (const std::exception& error) {
-      spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"", shown(of.id),
-                   shown(error.what(), 500));
+      spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"",
+                   shown(scene.at("scene_id").get<std::string>()), shown(error.what(), 500));
       out.clear();
     }
   return out;
@@ -324,7 +323,7 @@ SceneRecord decoded(const std::string& description,
     check_modulus(e, record.geometry, limits);
     e.hidden_log_variance = hidden_log_variance(e);
     record.explicit_modulus = std::move(e);
-    record.told = told_from(record, scene, rest);
+    record.told = told_slices(scene, rest);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known
       if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();

@@ -154,13 +154,11 @@ class SolidModulusMethod : public ModulusMethod {
     const auto size = static_cast<Index>(cells.size());
     // Cells share what the strain's kernel covers.
     const double share = cells.spacing_m * cells.row_m / (strain_.kernel_axial_m * strain_.kernel_lateral_m);
-    VectorXd weight = VectorXd::Zero(size), stated = weight;
-    for (Index c = 0; c < size; ++c)
-      if (fit.measured.observed[c] > 0) {
-        const double noise = squared(fit.measured.deviation[c]);
-        weight[c] = share / (noise + squared(kCellModelLog)),
-        stated[c] = share / (noise + squared(kStatedModelLog));
-      }
+    const auto weighed = [&](double model_log) -> VectorXd {
+      return (fit.measured.observed.array() > 0)
+          .select(share / (fit.measured.deviation.array().square() + squared(model_log)), 0.0);
+    };
+    const VectorXd weight = weighed(kCellModelLog), stated = weighed(kStatedModelLog);
     Denoiser denoise(cells);
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;

@@ -2,8 +2,6 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <array>
-#include <type_traits>
 #include <utility>
 
 #include "service/device/cancellation.h"
@@ -229,64 +227,28 @@ Eigen::VectorXd SparseFactor::solve(const Eigen::VectorXd& b) const {
   return place_.inverse() * x;
 }
 
-// Two columns of a front are taken at once: a row below them is read once for both.
+// A row in which all columns are 0 has nothing to give to those below.
 SparseFactor::Columns SparseFactor::solve_columns(const Columns& b) const {
   constexpr int kWidth = Columns::ColsAtCompileTime;
-  using Row = Eigen::Array<double, 1, kWidth>;
-  constexpr std::integral_constant<int, 1> kOne;
-  constexpr std::integral_constant<int, 2> kTwo;
+  using Row = Eigen::Matrix<double, 1, kWidth>;
   Columns x = place_ * b;
-  const auto row = [&x](Index k) { return Eigen::Map<Row, Eigen::Aligned16>(x.data() + kWidth * k); };
-  const auto column = [this](Index k) { return value_.data() + column_[static_cast<std::size_t>(k)]; };
   Work work;
-  for (const Front& f : fronts_) {
-    if ((x.middleRows(f.first, f.end - f.first).array() == 0).all()) continue;
-    const Index below = rows_of(f) - (f.end - f.first);
-    const int* const rows = row_.data() + column_[static_cast<std::size_t>(f.end) - 1] + 1;
-    for (Index k = f.first; k < f.end; ++k) {
-      const double* l = column(k);
-      row(k) /= *l++;
-      const Row solved = row(k);
-      for (Index r = k + 1; r < f.end; ++r) row(r) -= *l++ * solved;
-    }
-    const auto apply = [&]<int At>(Index k, std::integral_constant<int, At>) {
-      std::array<Row, At> solved;
-      std::array<const double*, At> l;
-      for (int c = 0; c < At; ++c) solved[c] = row(k + c), l[c] = column(k + c) + (f.end - k - c);
-      for (Index r = 0; r < below; ++r) {
-        Row of = row(rows[r]);
-        for (int c = 0; c < At; ++c) of -= l[c][r] * solved[c];
-        row(rows[r]) = of;
-      }
-    };
-    Index k = f.first;
-    for (; k + kTwo <= f.end; k += kTwo) apply(k, kTwo);
-    if (k < f.end) apply(k, kOne);
-    work.add(kWidth * (f.end - f.first) * rows_of(f));
+  const auto end = [this](Eigen::Index k) { return column_[static_cast<std::size_t>(k) + 1]; };
+  for (Eigen::Index k = 0; k < x.rows(); ++k) {
+    const Eigen::Index first = column_[static_cast<std::size_t>(k)], last = end(k);
+    if ((x.row(k).array() == 0).all()) continue;
+    const Row solved = x.row(k) /= value_[static_cast<std::size_t>(first)];
+    for (auto p = static_cast<std::size_t>(first) + 1; p < static_cast<std::size_t>(last); ++p)
+      x.row(row_[p]) -= value_[p] * solved;
+    work.add(kWidth * (last - first));
   }
-  for (auto f = fronts_.rbegin(); f != fronts_.rend(); ++f) {
-    const Index below = rows_of(*f) - (f->end - f->first);
-    const int* const rows = row_.data() + column_[static_cast<std::size_t>(f->end) - 1] + 1;
-    const auto gather = [&]<int At>(Index k, std::integral_constant<int, At>) {
-      std::array<Row, At> of;
-      std::array<const double*, At> l;
-      for (int c = 0; c < At; ++c) of[c] = row(k + c), l[c] = column(k + c) + (f->end - k - c);
-      for (Index r = 0; r < below; ++r) {
-        const Row known = row(rows[r]);
-        for (int c = 0; c < At; ++c) of[c] -= l[c][r] * known;
-      }
-      for (int c = 0; c < At; ++c) row(k + c) = of[c];
-    };
-    Index k = f->first;
-    for (; k + kTwo <= f->end; k += kTwo) gather(k, kTwo);
-    if (k < f->end) gather(k, kOne);
-    for (k = f->end; k-- > f->first;) {
-      const double* const l = column(k);
-      Row of = row(k);
-      for (Index r = k + 1; r < f->end; ++r) of -= l[r - k] * row(r);
-      row(k) = of / *l;
-    }
-    work.add(kWidth * (f->end - f->first) * rows_of(*f));
+  for (Eigen::Index k = x.rows(); k-- > 0;) {
+    const Eigen::Index first = column_[static_cast<std::size_t>(k)], last = end(k);
+    Row rest = x.row(k);
+    for (auto p = static_cast<std::size_t>(first) + 1; p < static_cast<std::size_t>(last); ++p)
+      rest -= value_[p] * x.row(row_[p]);
+    x.row(k) = rest / value_[static_cast<std::size_t>(first)];
+    work.add(kWidth * (last - first));
   }
   return place_.inverse() * x;
 }
