@@ -14,9 +14,10 @@ namespace teletact::service {
 class Denoiser {
  public:
   explicit Denoiser(const CellGrid&);
-  // From `v` on, by lagged diffusivity.
+  // From `v` one step towards it, of lagged diffusivity: with more of them, each step of the method takes a
+  // quarter longer, and it ends later by one in ten.
   Eigen::VectorXd operator()(const Eigen::VectorXd& observed, const Eigen::VectorXd& weight,
-                             Eigen::VectorXd v);
+                             const Eigen::VectorXd& v);
   // - ln of how likely v is, but for a constant, where it leaves `left` of what is observed.
   double cost(const Eigen::VectorXd& left, const Eigen::VectorXd& weight, const Eigen::VectorXd& v) const;
   // Standard deviation about v.
