@@ -170,6 +170,18 @@ bool says(const ModulusEstimate& e, const char* words) {
   return e.model.find(words) != std::string::npos;
 }
 
+// The steps of a modulus go back to a map that was solved.
+TEST(ProbedSolid, APushThatFailedLeavesTheNextOneAlone) {
+  const auto tissue = solid(face());
+  const auto size = static_cast<Index>(tissue->cells().size());
+  const Eigen::VectorXd good = Eigen::VectorXd::Zero(size);
+  Eigen::VectorXd wild = good;
+  for (Index c = 0; c < size; ++c) wild[c] = c % 2 ? 14 : -14;
+  const double force_n = tissue->push(good).force_n;
+  EXPECT_THROW(tissue->push_again(wild, 0, {}), std::invalid_argument);
+  EXPECT_NEAR(tissue->push_again(good, 0, {}).force_n, force_n, 5e-3 * force_n);
+}
+
 TEST(ProbeFit, TellsWhereTissueEndsAndWhetherItSlides) {
   struct Case {
     ProbeFace of;
