@@ -155,7 +155,7 @@ std::uint64_t scene_bytes(const Scene& scene, v1::SceneView wanted) {
   // Messages with their fields and what allocating each adds; of a cell, its values twice.
   constexpr std::uint64_t kSceneBytes = 512, kWindowBytes = 1024, kWarningBytes = 64;
   const auto snapshot = scene.snapshot();
-  std::uint64_t bytes = kSceneBytes;
+  std::uint64_t bytes = kSceneBytes + scene.told().words().size();
   if (snapshot->modulus) bytes += 2 * sizeof(double) * snapshot->modulus->slices_m.size();
   for (const auto& window : snapshot->windows) {
     bytes += kWindowBytes;
@@ -177,6 +177,7 @@ void scene_to(const Scene& scene, v1::SceneView wanted, std::uint64_t instance, 
   out->set_kind(kind_of(*snapshot));
   if (snapshot->modulus)
     for (const double z_m : snapshot->modulus->slices_m) out->add_slices_z_m(z_m);
+  out->set_tissue(scene.told().words());
   for (const auto& window : snapshot->windows) {
     v1::Window* w = out->add_windows();
     w->set_window_id(window->id);

@@ -102,6 +102,7 @@ class Scene {
   // named), Error(kPrecondition) where the scene is no solid, (kExhausted). Nothing changes when it throws.
   Published publish(const ModulusSlice&);
   ToldSlices& told() { return told_; }
+  const ToldSlices& told() const { return told_; }
   // Rebuilds the stale window nearest to the finger with its present context, so that the force does not jump
   // when the finger is handed over. False when none is stale.
   bool refresh_stale_window();

@@ -197,17 +197,17 @@ std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
 }
 
 // What is wrong with it costs these numbers, which slices tell anew, and not the scene.
-std::map<double, std::vector<ToldTissue>> told_slices(const json& scene, std::string_view rest) {
-  std::map<double, std::vector<ToldTissue>> out;
+void take_told(const json& scene, std::string_view rest, SceneRecord& out) {
+  constexpr std::size_t kMostWords = 1000;  // bytes
   if (scene.contains("tissues")) try {
       for (const json& slice : scene["tissues"])
-        out[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
+        out.told[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
+      out.told_words = shown(scene.value("told_words", ""), kMostWords);
     } catch (const std::exception& error) {
       spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"",
                    shown(scene.at("scene_id").get<std::string>()), shown(error.what(), 500));
-      out.clear();
+      out.told.clear();
     }
-  return out;
 }
 
 // Files of before have none.
@@ -265,6 +265,7 @@ EncodedScene encoded(const SceneRecord& record) {
     for (const std::vector<float>& modes : e.log_modes) append(raw, modes);
     for (const auto& [z_m, tissues] : record.told)
       if (std::ranges::all_of(tissues, can_be_told)) scene["tissues"].push_back({z_m, to_json(tissues, raw)});
+    if (!record.told.empty()) scene["told_words"] = record.told_words;
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -323,7 +324,7 @@ SceneRecord decoded(const std::string& description,
     check_modulus(e, record.geometry, limits);
     e.hidden_log_variance = hidden_log_variance(e);
     record.explicit_modulus = std::move(e);
-    record.told = told_slices(scene, rest);
+    take_told(scene, rest, record);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known
       if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();

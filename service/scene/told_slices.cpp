@@ -11,7 +11,7 @@
 
 namespace teletact::service {
 
-void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues) {
+void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues, const std::string& words) {
   if (tissues.empty()) return;
   std::size_t bytes = tissues.size() * sizeof(ToldTissue);
   for (const ToldTissue& t : tissues)
@@ -26,6 +26,7 @@ void ToldSlices::tell(double z_m, std::vector<ToldTissue> tissues) {
   const std::lock_guard lock(mutex_);
   std::erase_if(told_, [&](const auto& slice) { return std::abs(slice.first - z_m) <= kSameSliceM; });
   told_[z_m] = std::move(told);
+  words_ = words;
   if (told_.size() <= kMost) return;
   const auto first = told_.begin(), last = std::prev(told_.end());
   told_.erase(z_m - first->first > last->first - z_m ? first : last);
@@ -48,6 +49,11 @@ std::map<double, std::vector<ToldTissue>> ToldSlices::all() const {
   const std::lock_guard lock(mutex_);
   for (const auto& [at_m, told] : told_) out[at_m] = told.tissues;
   return out;
+}
+
+std::string ToldSlices::words() const {
+  const std::lock_guard lock(mutex_);
+  return words_;
 }
 
 }  // namespace teletact::service

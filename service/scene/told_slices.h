@@ -4,6 +4,7 @@
 
 #include <map>
 #include <mutex>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -18,11 +19,13 @@ class ToldSlices {
   static constexpr std::size_t kMost = 64;
   explicit ToldSlices(MemoryAccount account = {}) : account_(std::move(account)) {}
   // In the place of what a slice there told before; an empty one tells nothing, and changes nothing. So does
-  // one for which there is no memory: that is logged.
-  void tell(double z_m, std::vector<ToldTissue>);
+  // one for which there is no memory: that is logged. `words`: what it took the tissue to be, with what the
+  // others had told.
+  void tell(double z_m, std::vector<ToldTissue>, const std::string& words = {});
   // Where the solid has slices, but for one at z_m.
   std::vector<ToldBeside> beside(const ExplicitModulus&, double z_m) const;
   std::map<double, std::vector<ToldTissue>> all() const;  // by z, m
+  std::string words() const;                              // of the newest
 
  private:
   struct Told {
@@ -32,6 +35,7 @@ class ToldSlices {
   const MemoryAccount account_;
   mutable std::mutex mutex_;
   std::map<double, Told> told_;  // by z, m; kMost at most, the farthest from the newest go
+  std::string words_;
 };
 
 }  // namespace teletact::service

@@ -35,7 +35,8 @@ TEST(ToldSlices, AreOfTheSolidsSlicesButForTheOneInQuestion) {
   EXPECT_DOUBLE_EQ(beside[0].offset_m, -0.005);
   EXPECT_EQ(beside[0].tissues[0].place, 1);
   // A newer one takes the older one's place, to a rounding; one that tells nothing does not.
-  slices.tell(-0.005 + 1e-9, told(4)), slices.tell(1e-9, {});
+  slices.tell(-0.005 + 1e-9, told(4), "goes on"), slices.tell(1e-9, {}, "ends");
+  EXPECT_EQ(slices.words(), "goes on");
   const auto newer = slices.beside(e, 0.005);
   ASSERT_EQ(newer.size(), 2U);
   EXPECT_EQ(newer[0].tissues[0].place, 4);
@@ -76,6 +77,7 @@ SceneRecord kept(const ToldTissue& told) {
   SceneRecord record;
   record.id = "s", record.geometry = tissue(0.04, 0.02), record.version = 3;
   record.explicit_modulus = e, record.told[0.005] = {told, {0, 1, 30, -2.5}};
+  record.told_words = "goes on";
   return record;
 }
 
@@ -94,6 +96,7 @@ TEST(ToldSlices, AreKeptWithTheirScene) {
   const Scene scene(read_again(encoded(kept(numbers()))), nullptr, Limits{});
   const SceneRecord again = scene.record();
   ASSERT_EQ(again.told.size(), 1U);
+  EXPECT_EQ(again.told_words, "goes on");
   const std::vector<ToldTissue>& tissues = again.told.at(0.005);
   ASSERT_EQ(tissues.size(), 2U);
   EXPECT_EQ(tissues[0].place, -1);
@@ -134,6 +137,9 @@ TEST(ToldSlices, WhatIsNoneOnDiskCostsTheNumbersAlone) {
     EXPECT_TRUE(again.told.empty()) << told;
     EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa.size(), 8U) << told;
   }
+  nlohmann::json scene = nlohmann::json::parse(files.description);
+  scene["told_words"] = 3, scene.erase("checksum");
+  EXPECT_TRUE(read_again({scene.dump(), files.map_name, files.map}).told.empty());
 }
 
 // Numbers that no slice finds, under a checksum that is theirs.

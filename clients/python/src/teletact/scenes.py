@@ -68,6 +68,7 @@ class Scene:
     thickness_m: float  # of a plane: how wide the finger's contact is across it
     windows: tuple[Window, ...]
     slices_z_m: tuple[float, ...]
+    tissue: str = ""  # of a solid: what its slices show that it is
 
 
 def region_from(message: Any, call: str) -> Region:
@@ -102,7 +103,7 @@ def scene_from(message: palpation.Scene, call: str) -> Scene:
             evidence.quality if evidence else math.nan, window.plan))
     return Scene(message.scene_id, message.version, _KINDS.get(message.kind, ""), geometry.size_m[0],
                  geometry.size_m[1], geometry.poisson_ratio, geometry.thickness_m, tuple(windows),
-                 tuple(message.slices_z_m))
+                 tuple(message.slices_z_m), message.tissue)
 
 
 def modulus_from(message: palpation.Scene, call: str) -> xr.Dataset:
