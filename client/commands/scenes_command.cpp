@@ -31,7 +31,7 @@ void print(const v1::Scene& scene) {
   for (const v1::Window& window : scene.windows())
     std::printf(" [%.3f, %.3f)", window.covers().begin_x_m(), window.covers().end_x_m());
   std::printf("\n");
-  if (!scene.tissue().empty()) std::printf("    %s\n", scene.tissue().c_str());
+  if (!scene.tissue().empty()) std::printf("    tissue %s\n", scene.tissue().c_str());
   for (const v1::Window& window : scene.windows())
     for (const std::string& warning : window.evidence().warnings())
       std::printf("    [%.3f, %.3f) doubtful: %s\n", window.covers().begin_x_m(), window.covers().end_x_m(),

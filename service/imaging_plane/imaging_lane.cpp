@@ -201,7 +201,10 @@ EstimateOutcome ImagingLane::work(const EstimateRequest& r, const JobTerms& term
     outcome.estimate = engine->estimate(frames.first, frames.second, in, ended);
   }
   const Estimate& e = outcome.estimate;
-  if (r.slice_of) r.slice_of->scene->told().tell(r.slice_of->z_m, e.modulus.told, e.modulus.model);
+  if (r.slice_of)
+    r.slice_of->scene->told().tell(
+        r.slice_of->z_m, e.modulus.told,
+        fmt::format("at z = {:.1f} mm: {}", 1e3 * r.slice_of->z_m, e.modulus.model));
   EstimateSeconds took{e.displacement_s + e.strain_s, e.modulus_s, 0, e.modulus.start_s,
                        e.modulus.iterations};
   if (e.modulus.kind == ModulusKind::kSolid) took.steps = e.modulus.solves;

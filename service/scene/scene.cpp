@@ -383,8 +383,10 @@ SceneRecord Scene::record() const {
   record.id = id_;
   record.geometry = geometry_;
   record.version = now->version;
-  if (now->modulus)
-    record.explicit_modulus = *now->modulus, record.told = told_.all(), record.told_words = told_.words();
+  if (now->modulus) {
+    record.explicit_modulus = *now->modulus;
+    std::tie(record.told, record.told_words) = told_.all();
+  }
   if (now->map) {
     record.map_modulus_pa = now->map->youngs_modulus_pa();
     record.map_states = now->map->states();

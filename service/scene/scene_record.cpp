@@ -202,7 +202,8 @@ void take_told(const json& scene, std::string_view rest, SceneRecord& out) {
   if (scene.contains("tissues")) try {
       for (const json& slice : scene["tissues"])
         out.told[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
-      out.told_words = shown(scene.value("told_words", ""), kMostWords);
+      if (const auto words = scene.find("told_words"); words != scene.end() && words->is_string())
+        out.told_words = shown(words->get<std::string>(), kMostWords);
     } catch (const std::exception& error) {
       spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"",
                    shown(scene.at("scene_id").get<std::string>()), shown(error.what(), 500));

@@ -49,7 +49,7 @@ struct SceneRecord {
   // One of the two, or neither while nothing is published.
   std::optional<ExplicitModulus> explicit_modulus;
   std::map<double, std::vector<ToldTissue>> told = {};  // to an explicit modulus, by z (m): ToldSlices
-  std::string told_words = {};
+  std::string told_words = {};                          // the last of theirs
   std::vector<float> map_modulus_pa;
   std::vector<CellState> map_states;
   std::vector<float> map_log_deviation;

@@ -44,11 +44,11 @@ std::vector<ToldBeside> ToldSlices::beside(const ExplicitModulus& e, double z_m)
   return out;
 }
 
-std::map<double, std::vector<ToldTissue>> ToldSlices::all() const {
+std::pair<std::map<double, std::vector<ToldTissue>>, std::string> ToldSlices::all() const {
   std::map<double, std::vector<ToldTissue>> out;
   const std::lock_guard lock(mutex_);
   for (const auto& [at_m, told] : told_) out[at_m] = told.tissues;
-  return out;
+  return {std::move(out), words_};
 }
 
 std::string ToldSlices::words() const {

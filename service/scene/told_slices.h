@@ -19,13 +19,14 @@ class ToldSlices {
   static constexpr std::size_t kMost = 64;
   explicit ToldSlices(MemoryAccount account = {}) : account_(std::move(account)) {}
   // In the place of what a slice there told before; an empty one tells nothing, and changes nothing. So does
-  // one for which there is no memory: that is logged. `words`: what it took the tissue to be, with what the
-  // others had told.
-  void tell(double z_m, std::vector<ToldTissue>, const std::string& words = {});
+  // one for which there is no memory: that is logged. `words`: what the estimate took the tissue to be, and
+  // where.
+  void tell(double z_m, std::vector<ToldTissue>, const std::string& words);
   // Where the solid has slices, but for one at z_m.
   std::vector<ToldBeside> beside(const ExplicitModulus&, double z_m) const;
-  std::map<double, std::vector<ToldTissue>> all() const;  // by z, m
-  std::string words() const;                              // of the newest
+  // By z, m; and the last words.
+  std::pair<std::map<double, std::vector<ToldTissue>>, std::string> all() const;
+  std::string words() const;
 
  private:
   struct Told {

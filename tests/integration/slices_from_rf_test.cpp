@@ -75,6 +75,7 @@ TEST(SlicesFromRf, MakeASolidThatGrowsAndIsFelt) {
 
   const test::Outcome list = test::run({client, "scenes", "--service", address}, folder / "scenes.log");
   EXPECT_NE(list.output.find("a  solid, 0.030 x 0.025 m"), std::string::npos) << list.output;
+  EXPECT_NE(list.output.find("tissue at z = "), std::string::npos) << list.output;
   const test::Outcome again = test::run(acquire, folder / "again.log");
   EXPECT_EQ(again.code, 1);
   EXPECT_NE(again.output.find("--scene a: it exists"), std::string::npos) << again.output;

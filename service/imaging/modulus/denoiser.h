@@ -10,12 +10,12 @@
 
 namespace teletact::service {
 
-// The least of |W^(1/2) (v - observed)|^2 / 2 + alpha TV(v) (T3.6), W the weights of the cells.
+// Towards the least of |W^(1/2) (v - observed)|^2 / 2 + alpha TV(v) (T3.6), W the weights of the cells.
 class Denoiser {
  public:
   explicit Denoiser(const CellGrid&);
-  // From `v` one step towards it, of lagged diffusivity: with more of them, each step of the method takes a
-  // quarter longer, and it ends later by one in ten.
+  // From `v` on, by one step of lagged diffusivity. With five, each step of the method takes a third longer,
+  // and it ends up to two steps later.
   Eigen::VectorXd operator()(const Eigen::VectorXd& observed, const Eigen::VectorXd& weight,
                              const Eigen::VectorXd& v);
   // - ln of how likely v is, but for a constant, where it leaves `left` of what is observed.

@@ -68,7 +68,7 @@ class Scene:
     thickness_m: float  # of a plane: how wide the finger's contact is across it
     windows: tuple[Window, ...]
     slices_z_m: tuple[float, ...]
-    tissue: str = ""  # of a solid: what its slices show that it is
+    tissue: str = ""  # of an imaged solid: what tissue it was taken to be, and where; else empty
 
 
 def region_from(message: Any, call: str) -> Region:
