@@ -99,7 +99,7 @@ Scene::Scene(const SceneRecord& record, std::shared_ptr<VersionCounter> versions
   snapshot->version = record.version;
   if (record.explicit_modulus) {
     snapshot->modulus = charged(*record.explicit_modulus, account_);
-    for (const auto& [z_m, tissues] : record.told) told_.tell(z_m, tissues, record.told_words);
+    for (const auto& [z_m, tissues] : record.told.slices) told_.tell(z_m, tissues, record.told.words);
   } else {
     auto map = std::make_shared<StitchedMap>(geometry_, account);
     map->restore(record.map_modulus_pa, record.map_states, record.map_log_deviation);
@@ -383,10 +383,7 @@ SceneRecord Scene::record() const {
   record.id = id_;
   record.geometry = geometry_;
   record.version = now->version;
-  if (now->modulus) {
-    record.explicit_modulus = *now->modulus;
-    std::tie(record.told, record.told_words) = told_.all();
-  }
+  if (now->modulus) record.explicit_modulus = *now->modulus, record.told = told_.all();
   if (now->map) {
     record.map_modulus_pa = now->map->youngs_modulus_pa();
     record.map_states = now->map->states();

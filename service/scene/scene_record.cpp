@@ -197,18 +197,20 @@ std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
 }
 
 // What is wrong with it costs these numbers, which slices tell anew, and not the scene.
-void take_told(const json& scene, std::string_view rest, SceneRecord& out) {
+ToldRecord told_slices(const json& scene, std::string_view rest) {
   constexpr std::size_t kMostWords = 1000;  // bytes
+  ToldRecord out;
   if (scene.contains("tissues")) try {
       for (const json& slice : scene["tissues"])
-        out.told[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
+        out.slices[slice.at(0).get<double>()] = told_from(slice.at(1), rest);
       if (const auto words = scene.find("told_words"); words != scene.end() && words->is_string())
-        out.told_words = shown(words->get<std::string>(), kMostWords);
+        out.words = shown(words->get<std::string>(), kMostWords);
     } catch (const std::exception& error) {
       spdlog::warn("event=tissues_not_restored scene={} error=\"{}\"",
                    shown(scene.at("scene_id").get<std::string>()), shown(error.what(), 500));
-      out.told.clear();
+      out = {};
     }
+  return out;
 }
 
 // Files of before have none.
@@ -264,9 +266,9 @@ EncodedScene encoded(const SceneRecord& record) {
     append(raw, e.x_m), append(raw, e.y_m), append(raw, e.z_m), append(raw, e.slices_m);
     append(raw, e.youngs_modulus_pa), append(raw, e.log_deviation);
     for (const std::vector<float>& modes : e.log_modes) append(raw, modes);
-    for (const auto& [z_m, tissues] : record.told)
+    for (const auto& [z_m, tissues] : record.told.slices)
       if (std::ranges::all_of(tissues, can_be_told)) scene["tissues"].push_back({z_m, to_json(tissues, raw)});
-    if (!record.told.empty()) scene["told_words"] = record.told_words;
+    if (!record.told.slices.empty()) scene["told_words"] = record.told.words;
   } else {
     append(raw, record.map_modulus_pa), append(raw, record.map_states), append(raw, record.map_log_deviation);
     scene["cells"] = record.map_modulus_pa.size();
@@ -325,7 +327,7 @@ SceneRecord decoded(const std::string& description,
     check_modulus(e, record.geometry, limits);
     e.hidden_log_variance = hidden_log_variance(e);
     record.explicit_modulus = std::move(e);
-    take_told(scene, rest, record);
+    record.told = told_slices(scene, rest);
   } else {
     for (WindowRecord& w : record.windows)  // of an old format: nothing is known
       if (!w.evidence) w.evidence = std::make_shared<WindowEvidence>();

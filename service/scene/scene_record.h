@@ -41,6 +41,11 @@ struct ExplicitModulus {
   double slice_m(std::size_t n) const { return slices_m.empty() ? (z_m[n] + z_m[n + 1]) / 2 : slices_m[n]; }
 };
 
+struct ToldRecord {
+  std::map<double, std::vector<ToldTissue>> slices;  // by z, m
+  std::string words;                                 // of the last that told
+};
+
 struct SceneRecord {
   std::string id;
   SceneGeometry geometry;
@@ -48,8 +53,7 @@ struct SceneRecord {
   std::vector<WindowRecord> windows;
   // One of the two, or neither while nothing is published.
   std::optional<ExplicitModulus> explicit_modulus;
-  std::map<double, std::vector<ToldTissue>> told = {};  // to an explicit modulus, by z (m): ToldSlices
-  std::string told_words = {};                          // the last of theirs
+  ToldRecord told = {};  // to an explicit modulus: ToldSlices
   std::vector<float> map_modulus_pa;
   std::vector<CellState> map_states;
   std::vector<float> map_log_deviation;

@@ -44,11 +44,12 @@ std::vector<ToldBeside> ToldSlices::beside(const ExplicitModulus& e, double z_m)
   return out;
 }
 
-std::pair<std::map<double, std::vector<ToldTissue>>, std::string> ToldSlices::all() const {
-  std::map<double, std::vector<ToldTissue>> out;
+ToldRecord ToldSlices::all() const {
+  ToldRecord out;
   const std::lock_guard lock(mutex_);
-  for (const auto& [at_m, told] : told_) out[at_m] = told.tissues;
-  return {std::move(out), words_};
+  for (const auto& [at_m, told] : told_) out.slices[at_m] = told.tissues;
+  out.words = words_;
+  return out;
 }
 
 std::string ToldSlices::words() const {

@@ -24,8 +24,7 @@ class ToldSlices {
   void tell(double z_m, std::vector<ToldTissue>, const std::string& words);
   // Where the solid has slices, but for one at z_m.
   std::vector<ToldBeside> beside(const ExplicitModulus&, double z_m) const;
-  // By z, m; and the last words.
-  std::pair<std::map<double, std::vector<ToldTissue>>, std::string> all() const;
+  ToldRecord all() const;
   std::string words() const;
 
  private:

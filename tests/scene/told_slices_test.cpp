@@ -76,8 +76,8 @@ SceneRecord kept(const ToldTissue& told) {
   e.youngs_modulus_pa = {1e4, 2e4, 1e4, 2e4, 3e4, 4e4, 3e4, 4e4};
   SceneRecord record;
   record.id = "s", record.geometry = tissue(0.04, 0.02), record.version = 3;
-  record.explicit_modulus = e, record.told[0.005] = {told, {0, 1, 30, -2.5}};
-  record.told_words = "goes on";
+  record.explicit_modulus = e, record.told.slices[0.005] = {told, {0, 1, 30, -2.5}};
+  record.told.words = "goes on";
   return record;
 }
 
@@ -95,9 +95,9 @@ SceneRecord read_again(const EncodedScene& files) {
 TEST(ToldSlices, AreKeptWithTheirScene) {
   const Scene scene(read_again(encoded(kept(numbers()))), nullptr, Limits{});
   const SceneRecord again = scene.record();
-  ASSERT_EQ(again.told.size(), 1U);
-  EXPECT_EQ(again.told_words, "goes on");
-  const std::vector<ToldTissue>& tissues = again.told.at(0.005);
+  ASSERT_EQ(again.told.slices.size(), 1U);
+  EXPECT_EQ(again.told.words, "goes on");
+  const std::vector<ToldTissue>& tissues = again.told.slices.at(0.005);
   ASSERT_EQ(tissues.size(), 2U);
   EXPECT_EQ(tissues[0].place, -1);
   EXPECT_EQ(tissues[0].log_likelihood, -0.25);
@@ -113,7 +113,7 @@ TEST(ToldSlices, WhatNoSliceTellsIsNotKept) {
     ToldTissue t = numbers();
     spoil(t);
     const SceneRecord again = read_again(encoded(kept(t)));
-    EXPECT_TRUE(again.told.empty());
+    EXPECT_TRUE(again.told.slices.empty());
     EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa, kept(t).explicit_modulus->youngs_modulus_pa);
   };
   spoilt([](ToldTissue& t) { t.log_likelihood = 1; });
@@ -134,14 +134,14 @@ TEST(ToldSlices, WhatIsNoneOnDiskCostsTheNumbersAlone) {
     nlohmann::json scene = nlohmann::json::parse(files.description);
     scene["tissues"] = nlohmann::json::parse(told), scene.erase("checksum");
     const SceneRecord again = read_again({scene.dump(), files.map_name, files.map});
-    EXPECT_TRUE(again.told.empty()) << told;
+    EXPECT_TRUE(again.told.slices.empty()) << told;
     EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa.size(), 8U) << told;
   }
   nlohmann::json scene = nlohmann::json::parse(files.description);
   scene["told_words"] = 3, scene.erase("checksum");
   const SceneRecord again = read_again({scene.dump(), files.map_name, files.map});
-  EXPECT_EQ(again.told.size(), 1U);
-  EXPECT_EQ(again.told_words, "");
+  EXPECT_EQ(again.told.slices.size(), 1U);
+  EXPECT_EQ(again.told.words, "");
 }
 
 // Numbers that no slice finds, under a checksum that is theirs.
@@ -155,8 +155,9 @@ TEST(ToldSlices, WhatIsNoNumberOfASliceOnDiskIsNotRead) {
     scene["map"]["checksum"] = fmt::format("{:016x}", hash), scene.erase("checksum");
     return read_again({scene.dump(), files.map_name, files.map});
   };
-  EXPECT_EQ(read_with(-3).told.size(), 1U);
-  for (const double none : {1.0, std::nan(""), -HUGE_VAL}) EXPECT_TRUE(read_with(none).told.empty()) << none;
+  EXPECT_EQ(read_with(-3).told.slices.size(), 1U);
+  for (const double none : {1.0, std::nan(""), -HUGE_VAL})
+    EXPECT_TRUE(read_with(none).told.slices.empty()) << none;
 }
 
 // A slice told more of a version that was saved already, and the power fails amid the second save.
@@ -183,7 +184,7 @@ TEST(ToldSlices, TwoSavesOfAVersionCostNoScene) {
       std::vector<SceneRecord> scenes;
       store.load([&](const SceneRecord& record) { scenes.push_back(record); });
       ASSERT_EQ(scenes.size(), 1U) << at;
-      EXPECT_EQ(scenes[0].told.size(), 1U) << at;
+      EXPECT_EQ(scenes[0].told.slices.size(), 1U) << at;
     }
 }
 

@@ -246,13 +246,11 @@ class ProbedSolid : public ProbedTissue {
     options.from_last = true, options.min_iterations = min_iterations;
     options.relative_error = face_.goes_on() ? kAccuracy : kAccuracyOfSides;
     const SolidSolution solution = solver_->push(patch_, w, options);
-    if (solution.reason != StopReason::kConverged && !(solution.bounded_error() <= kMinAccuracy)) {
-      solver_->forget_last();  // no solution to begin at
+    if (solution.reason != StopReason::kConverged && !(solution.bounded_error() <= kMinAccuracy))
       throw std::invalid_argument(fmt::format(
           "probe_elevation_m, tissue_depth_m, poisson_ratio: a face of {:.3g} m x {:.3g} m on tissue {:.3g} "
           "m deep, nu {:.6g}, is beyond what is modelled ({}); check them, nu is about 0.49",
           face_.width_m, face_.elevation_m, face_.depth_m, face_.poisson_ratio, to_string(solution.reason)));
-    }
     Response out = strains(solver_->displacement());
     // The energy is as good as the displacement. Where the sides give way the nodes' forces are not: in
     // single precision their sum may be anything. A push by w bears w of its force, about.

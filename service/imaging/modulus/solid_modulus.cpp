@@ -116,9 +116,8 @@ class SolidModulusMethod : public ModulusMethod {
   void forget() override { fitter_.forget(); }
 
  private:
-  // Of usual tissue one in eight windows has not settled after the usual steps; where there are solves for
-  // more it goes on, no longer hastened: where strain hardly follows the modulus a mix of steps swings (one
-  // window settled in 21, hastened in 40).
+  // What has not settled after the usual steps goes on where there are solves for more, no longer hastened:
+  // where strain hardly follows the modulus a mix of steps swings.
   static constexpr int kUsualSteps = 12, kMaxSteps = 24, kForcePushes = 4;
   static constexpr int kPushesPerSolve = 2;  // of those that begin at the last one's solution
   static int solves_of(int pushes) { return 1 + pushes / kPushesPerSolve; }

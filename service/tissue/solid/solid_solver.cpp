@@ -429,7 +429,9 @@ SolidSolution SolidSolver<T>::push(const SurfacePatch& patch, const Eigen::Vecto
   solution.force_n = p.template cast<double>();
   solution.displacement_m = w - patch.skin_m_n.cwiseProduct(solution.force_n);
   now.w = w, now.force_n = solution.force_n;
-  if (!solution.force_n.allFinite()) now.force_n.resize(0);
+  if (!solution.force_n.allFinite() || solution.reason == StopReason::kIndefinite ||
+      !(solution.bounded_error() < 1))
+    now.force_n.resize(0);
   if (options.from_last) pushed_ = std::move(now);
   return solution;
 }

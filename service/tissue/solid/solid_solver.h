@@ -53,8 +53,8 @@ struct SolidSolution {
 struct SolidOptions {
   double relative_error = 1e-6;  // ||e||_A / ||u||_A; what lies below the rounding is not tried for
   std::size_t min_iterations = 0, max_iterations = 200;
-  // A push begins at the last one's solution, where that was of the same patch and this was set, too: what
-  // changed little since is found in few iterations.
+  // A push begins at the last one's solution, where that was of the same patch, known to better than its own
+  // size, and this was set, too: what changed little since is found in few iterations.
   bool from_last = false;
   // Sees every iterate, without its forces and displacements; where it says false, that one is the last.
   std::function<bool(const SolidSolution&)> watch = {};
