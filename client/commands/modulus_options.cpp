@@ -53,7 +53,14 @@ const std::vector<Uncertain>& uncertain() {
       {"capsule_ratio", false,
        "of --surface capsule: its modulus over that of the tissue below; without it that is refused"},
       {"capsule_thickness_std_m", false, "of --capsule-thickness-m (default: 25 % of it)"},
-      {"capsule_ratio_std", false, "of --capsule-ratio (default: 30 % of it)"}};
+      {"capsule_ratio_std", false, "of --capsule-ratio (default: 30 % of it)"},
+      {"pad_thickness_m", false,
+       "of a stand-off pad of known modulus, 7 mm or more; without it there is none"},
+      {"pad_youngs_modulus_pa", false,
+       "of --pad-thickness-m: the scale of the modulus where --force-n is not known; without it a pad is "
+       "refused"},
+      {"pad_thickness_std_m", false, "of --pad-thickness-m (default: 5 % of it)"},
+      {"pad_youngs_modulus_std_pa", false, "of --pad-youngs-modulus-pa (default: 5 % of it)"}};
   return all;
 }
 
@@ -68,6 +75,8 @@ void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
       "changes within 5 mm (default: unknown)")
       ->group(kSurface);
   for (const Uncertain& u : uncertain()) {
+    const bool of_pad = u.field.starts_with("pad_");
+    if (of_pad && !relative) continue;
     std::string flag = "--" + u.field;
     std::ranges::replace(flag, '_', '-');
     const auto set = [&stated, &u](double value) {
@@ -79,6 +88,8 @@ void add_uncertainty_options(CLI::App& command, v1::Acquisition& stated) {
     if (u.field != "force_zero_n") option->check(above_zero());
     if (u.field.starts_with("capsule_"))
       option->group(kSurface)->needs("--surface");
+    else if (of_pad)
+      option->group("Pad on the probe");
     else if (u.field.find("_std") == std::string::npos)
       option->group("Force sensor and preload");
     if (u.of_force && relative) option->needs("--force-n");

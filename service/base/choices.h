@@ -134,6 +134,7 @@ inline constexpr double kForceDeviation = 0.03, kAreaDeviation = 0.05, kSoundSpe
 inline constexpr double kPoissonDeviation = 0.01;
 // The same of a capsule's thickness and of its ratio.
 inline constexpr double kCapsuleThicknessDeviation = 0.25, kCapsuleRatioDeviation = 0.3;
+inline constexpr double kPadDeviation = 0.05;  // of a pad's thickness and modulus
 inline constexpr double kMaxStrain = 0.05, kPoissonRatio = 0.49;
 // A window is refused when less than this share of its cells was measured.
 inline constexpr double kMinMeasuredShare = 0.2;

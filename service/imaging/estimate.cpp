@@ -169,18 +169,19 @@ void Elastography::judge_tracking(const RfFrame& pre, const RfFrame& post,
                                   found, wider.max_strain, search_.max_strain));
 }
 
-DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post,
-                                         const AcquisitionGeometry& geometry, Estimate& e) {
+DisplacementEstimate Elastography::track(const RfFrame& pre, const RfFrame& post, const EstimateInput& in,
+                                         Estimate& e) {
+  const AcquisitionGeometry& geometry = in.geometry;
   constexpr double kLongPeriod = 40;  // samples: longer than where it is looked for
   const bool short_period = geometry.sampling_frequency_hz < kLongPeriod * geometry.center_frequency_hz;
   std::optional<Warning> contradicted;
   if (short_period) contradicted = contradicted_rf(pre);
   if (!contradicted) contradicted = contradicted_frequency(pre, geometry);
   if (contradicted) e.input_warnings.push_back(*contradicted);
-  // Coupling is left out, and looked at again without it.
-  const bool probe_rests = geometry.frame == DisplacementFrame::kProbe;
+  // Coupling is left out, and looked at again without it. A pad may look like it.
+  const bool may_be_coupled = geometry.frame == DisplacementFrame::kProbe && !in.tissue.pad;
   const Echoes echoes = find_echoes(pre, geometry);
-  const int tissue_from = probe_rests ? coupling_end(pre, post, echoes) : 0;
+  const int tissue_from = may_be_coupled ? coupling_end(pre, post, echoes) : 0;
   DisplacementEstimate displacement = displacement_.estimate(pre, post, geometry, echoes, tissue_from);
   e.grid = image_grid(displacement.grid, geometry);
   download(queue_, displacement, e);
@@ -265,8 +266,8 @@ void Elastography::estimate_into(const RfFrame& pre, const RfFrame& post, const 
     check_cancelled();
   };
 
-  const DisplacementEstimate tracked = track(pre, post, in.geometry, e);  // T2.1 to T2.3
-  if (in.b_mode) e.b_mode = b_mode_.image(pre, in.geometry);              // T2.9
+  const DisplacementEstimate tracked = track(pre, post, in, e);  // T2.1 to T2.3
+  if (in.b_mode) e.b_mode = b_mode_.image(pre, in.geometry);     // T2.9
   ended(Stage::kDisplacement, e.displacement_s);
 
   const StrainEstimate strained = strain_.estimate(tracked, e.grid);  // T2.4

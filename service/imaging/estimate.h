@@ -84,7 +84,7 @@ class Elastography {
  private:
   void estimate_into(const RfFrame& pre, const RfFrame& post, const EstimateInput&,
                      const std::function<void(Stage)>& told, Estimate&);
-  DisplacementEstimate track(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
+  DisplacementEstimate track(const RfFrame& pre, const RfFrame& post, const EstimateInput&, Estimate&);
   void judge_tracking(const RfFrame& pre, const RfFrame& post, const AcquisitionGeometry&, Estimate&);
   ModulusEstimate find_modulus(ModulusInput, const ModulusChoice&);
   // The method, where none is named; `reference`: the modulus that was found on the way.

@@ -217,6 +217,31 @@ void settle_surface(Surface& surface, bool solid) {
   if (surface.ratio_std == 0) surface.ratio_std = choices::kCapsuleRatioDeviation * surface.ratio;
 }
 
+void settle_pad(EstimateRequest& r) {
+  constexpr double kMinThicknessM = 7e-3;  // the near field and the kernel at its end leave two cells
+  constexpr double kMinModulusPa = 100, kMaxModulusPa = 10e6;
+  if (!r.tissue.pad) return;
+  StandoffPad& pad = *r.tissue.pad;
+  if (r.tissue.plane != Plane::kSolid || r.scene || r.slice_of)
+    throw std::invalid_argument(
+        "acquisition.pad_thickness_m: a pad is of an estimate of solid tissue alone, since a scene's tissue "
+        "begins "
+        "at the face; give plane = SOLID without publish and slice_of, or leave it out");
+  if (r.tissue.surface.kind != Surface::Kind::kUnknown)
+    throw std::invalid_argument("acquisition.surface: under a pad its strain is measured; leave it out");
+  const double imaged_m =
+      r.geometry.first_sample_depth_m + r.geometry.sample_pitch_m() * static_cast<double>(r.sample_count);
+  require_between("acquisition.pad_thickness_m", pad.thickness_m, kMinThicknessM, imaged_m / 2,
+                  "the strain in the pad and below it tells the modulus");
+  require_between("acquisition.pad_youngs_modulus_pa", pad.youngs_modulus_pa, kMinModulusPa, kMaxModulusPa,
+                  "give the pad's Young's modulus in pascals");
+  check_deviation("pad_thickness_std_m", pad.thickness_std_m, pad.thickness_m, "5 % of it");
+  check_deviation("pad_youngs_modulus_std_pa", pad.youngs_modulus_std_pa, pad.youngs_modulus_pa, "5 % of it");
+  if (pad.thickness_std_m == 0) pad.thickness_std_m = choices::kPadDeviation * pad.thickness_m;
+  if (pad.youngs_modulus_std_pa == 0)
+    pad.youngs_modulus_std_pa = choices::kPadDeviation * pad.youngs_modulus_pa;
+}
+
 // Of a plane tissue that is not stated is taken for as wide as the frame, and as deep.
 void settle_deviations(EstimateRequest& r, bool with_scene) {
   constexpr double kMaxPoissonDeviation = 0.1;  // a usual tissue's whole range
@@ -275,6 +300,7 @@ void settle_tissue(EstimateRequest& r, const Limits& limits) {
   }
   settle_deviations(r, scene);
   settle_surface(tissue.surface, tissue.plane == Plane::kSolid);
+  settle_pad(r);
 }
 
 }  // namespace

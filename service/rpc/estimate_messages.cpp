@@ -114,6 +114,10 @@ EstimateRequest stated_in(const v1::Acquisition& in, const Scenes& scenes) {
       value_from<Surface::Kind>(kSurfaces, in.surface(),
                                 "acquisition.surface: unknown; leave it out or use BARE, CAPSULE or UNEVEN"),
       in.capsule_thickness_m(), in.capsule_ratio(), in.capsule_thickness_std_m(), in.capsule_ratio_std()};
+  if (in.pad_thickness_m() != 0 || in.pad_youngs_modulus_pa() != 0 || in.pad_thickness_std_m() != 0 ||
+      in.pad_youngs_modulus_std_pa() != 0)
+    request.tissue.pad = {in.pad_thickness_m(), in.pad_youngs_modulus_pa(), in.pad_thickness_std_m(),
+                          in.pad_youngs_modulus_std_pa()};
   request.tissue.poisson_std = in.poisson_ratio_std();
   request.tissue_width_std_m = in.tissue_width_std_m();
   request.sound_speed_std_m_s = in.sound_speed_std_m_s();

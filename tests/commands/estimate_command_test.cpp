@@ -119,7 +119,15 @@ TEST_F(EstimateCommand, UncertaintiesAreSentAndKept) {
                            "--capsule-thickness-std-m",
                            "0.0002",
                            "--capsule-ratio-std",
-                           "0.5"})
+                           "0.5",
+                           "--pad-thickness-m",
+                           "0.008",
+                           "--pad-youngs-modulus-pa",
+                           "2e4",
+                           "--pad-thickness-std-m",
+                           "0.0003",
+                           "--pad-youngs-modulus-std-pa",
+                           "900"})
     command.emplace_back(word);
   ASSERT_EQ(test::failure_of(command), "");
   const v1::Acquisition& a = service.estimates.acquisition;
@@ -141,10 +149,15 @@ TEST_F(EstimateCommand, UncertaintiesAreSentAndKept) {
                                  a.capsule_thickness_m(),
                                  a.capsule_ratio(),
                                  a.capsule_thickness_std_m(),
-                                 a.capsule_ratio_std()};
+                                 a.capsule_ratio_std(),
+                                 a.pad_thickness_m(),
+                                 a.pad_youngs_modulus_pa(),
+                                 a.pad_thickness_std_m(),
+                                 a.pad_youngs_modulus_std_pa()};
   EXPECT_EQ(a.surface(), v1::SURFACE_KIND_CAPSULE);
-  EXPECT_EQ(sent, (std::vector<double>{0.2, 0.01, -0.02, 0.03, 1.04, 0.05, 6e-6, 0.007, 0.008, 0.009, 0.011,
-                                       12, 0.0013, 0.0014, 0.001, 3, 0.0002, 0.5}));
+  EXPECT_EQ(sent,
+            (std::vector<double>{0.2, 0.01,   -0.02,  0.03,  1.04, 0.05,   6e-6, 0.007, 0.008, 0.009,  0.011,
+                                 12,  0.0013, 0.0014, 0.001, 3,    0.0002, 0.5,  0.008, 2e4,   0.0003, 900}));
   const auto json = nlohmann::json::parse(std::ifstream(service.folder / "out" / "estimate.json"));
   EXPECT_EQ(json.at("acquisition").at("probe_force").at("force_zero_std_n"), 0.03);
   EXPECT_EQ(json.at("acquisition").at("preload_std_m"), 0.0014);

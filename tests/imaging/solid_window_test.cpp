@@ -48,6 +48,7 @@ struct Asked {
   bool force = true, depth = true;
   int solves = ModulusBudget::kAll;
   double stated_depth_m = 0.040, elevation_m = 0;
+  std::optional<StandoffPad> pad = {};
 };
 
 // Of a tissue, pressed once and estimated as often as asked.
@@ -69,6 +70,7 @@ class Window {
     g.line_pitch_m = rf_.geometry.line_pitch_m;
     TissueExtent extent{tissue_.width_m, asked.stated_depth_m, left_m_, tissue_.poisson_ratio, asked.plane};
     extent.depth_stated = asked.depth, extent.probe_elevation_m = asked.elevation_m;
+    extent.pad = asked.pad;
     std::optional<ProbeForce> force;
     if (asked.force) force = ProbeForce{probe_.force_n, probe_.contact_area_m2};
     const ModulusBudget budget{.solves = asked.solves, .why_solves = "0.10 s are left"};
@@ -392,6 +394,29 @@ TEST(SolidWindow, ExtremeSizesAreAnsweredOrRefused) {
         EXPECT_STRNE(refused.what(), "");
       }
     }
+}
+
+// Without a force: a layer that the truth has as a capsule, stated as it is, tells the modulus of what is
+// below.
+TEST(SolidWindow, APadTakesTheForcesPlace) {
+  constexpr double kPadM = 0.008, kRatio = 0.5;
+  client::Solid solid;
+  solid.capsule_m = kPadM, solid.capsule_contrast = kRatio;
+  const Window window(tissue(solid));
+  Asked asked;
+  asked.force = false, asked.elevation_m = kElevationM;
+  asked.pad = StandoffPad{1.1 * kPadM, kRatio * kBackgroundPa, 0.1 * kPadM, 0.05 * kRatio * kBackgroundPa};
+  const Estimate e = window.estimate(asked);
+  const auto below = [](double, double y) { return y > kPadM + 0.002 && y < 0.037; };
+  const double found = median_where(e, below), deviation = deviation_where(e, below);
+  std::printf("under a pad: %.0f Pa of %.0f, deviation %.3f; %s\n", found, kBackgroundPa, deviation,
+              e.modulus.model.c_str());
+  EXPECT_TRUE(e.modulus.absolute);
+  EXPECT_NEAR(found, kBackgroundPa, 0.08 * kBackgroundPa);
+  EXPECT_LE(std::abs(std::log(found / kBackgroundPa)), 1.96 * deviation);
+  EXPECT_LT(deviation, 0.2);
+  for (std::size_t n = 0; n < e.grid.size(); ++n)
+    EXPECT_FALSE(e.valid[n] && e.grid.y_m(n) < kPadM - 0.0005) << "the pad is no tissue";
 }
 
 }  // namespace

@@ -141,7 +141,8 @@ def test_uncertainties_are_sent(service, monkeypatch):
               "sound_speed_std_m_s": 30.0, "tissue_depth_std_m": 0.004, "tissue_width_std_m": 0.005,
               "probe_elevation_std_m": 0.003, "preload_m": 0.001, "preload_std_m": 0.002,
               "capsule_thickness_m": 0.001, "capsule_ratio": 3.0, "capsule_thickness_std_m": 0.0002,
-              "capsule_ratio_std": 0.5}
+              "capsule_ratio_std": 0.5, "pad_thickness_m": 0.008, "pad_youngs_modulus_pa": 2e4,
+              "pad_thickness_std_m": 0.0003, "pad_youngs_modulus_std_pa": 900.0}
     sent = []
     monkeypatch.setattr(estimates, "requests_of", lambda acquisition, *_: sent.append(acquisition) or iter(()))
     with pytest.raises(teletact.TeletactError):  # nothing but the message is made

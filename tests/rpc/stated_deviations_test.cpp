@@ -31,6 +31,19 @@ EstimateRequest settled(const v1::Acquisition& a) {
   return request_from(a, none, Limits());
 }
 
+using Set = void (*)(v1::Acquisition&, double);
+
+std::string refusal(const std::function<void(v1::Acquisition&)>& change) {
+  v1::Acquisition a = acquisition();
+  change(a);
+  try {
+    settled(a);
+  } catch (const std::invalid_argument& refused) {
+    return refused.what();
+  }
+  return "taken";
+}
+
 TEST(StatedDeviations, ReachTheEstimatesInput) {
   v1::Acquisition a = acquisition();
   v1::ProbeForce& force = *a.mutable_probe_force();
@@ -75,17 +88,6 @@ TEST(StatedDeviations, LeftOutAreTheDefaultsOfTheContract) {
 }
 
 TEST(StatedDeviations, BeyondTheirValueOrWithoutItAreRefusedByName) {
-  const auto refusal = [](const std::function<void(v1::Acquisition&)>& change) -> std::string {
-    v1::Acquisition a = acquisition();
-    change(a);
-    try {
-      settled(a);
-    } catch (const std::invalid_argument& refused) {
-      return refused.what();
-    }
-    return "taken";
-  };
-  using Set = void (*)(v1::Acquisition&, double);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto refused = [&](const char* field, Set set, double beyond) {
     for (const double bad : {-1e-6, beyond, nan, HUGE_VAL}) {
@@ -183,6 +185,37 @@ TEST(StatedDeviations, AForceWithinItsNoiseIsThePairsFault) {
   EXPECT_EQ(refusal(1.01 * kNoiseN, kNoiseN, 0), "taken");
   EXPECT_EQ(refusal(-6 * kNoiseN, kNoiseN, 0), "INVALID_ARGUMENT") << "another sign is no noise";
   EXPECT_EQ(refusal(-kNoiseN, 0, 0), "INVALID_ARGUMENT");
+}
+
+TEST(StatedDeviations, APadIsOfASolidAlone) {
+  const auto pad = [](auto& a) { a.set_pad_thickness_m(0.008), a.set_pad_youngs_modulus_pa(20e3); };
+  v1::Acquisition stated = acquisition();
+  pad(stated), stated.set_pad_youngs_modulus_std_pa(3e3);
+  const EstimateRequest r = settled(stated);
+  ASSERT_TRUE(r.tissue.pad);
+  EXPECT_EQ(r.tissue.pad->youngs_modulus_std_pa, 3e3);
+  EXPECT_NEAR(r.tissue.pad->thickness_std_m, 0.0004, 1e-12) << "a twentieth of it, where it is left out";
+  EXPECT_FALSE(settled(acquisition()).tissue.pad);
+  const auto refused = [&](const char* said, Set set, double value) {
+    const std::string why = refusal([&](auto& a) { pad(a), set(a, value); });
+    EXPECT_NE(why.find(said), std::string::npos) << value << ": " << why;
+  };
+  for (const double bad : {0.0, 0.0069, 1.0, -1.0, std::nan("")}) {
+    refused(
+        "pad_thickness_m: ", [](auto& a, double v) { a.set_pad_thickness_m(v); }, bad);
+    refused(
+        "pad_youngs_modulus_pa: ", [](auto& a, double v) { a.set_pad_youngs_modulus_pa(v); }, bad);
+  }
+  refused(
+      "pad_thickness_std_m: ", [](auto& a, double v) { a.set_pad_thickness_std_m(v); }, 0.008);
+  refused(
+      "pad_youngs_modulus_std_pa: ", [](auto& a, double v) { a.set_pad_youngs_modulus_std_pa(v); }, 20e3);
+  refused(
+      "under a pad", [](auto& a, double) { a.set_surface(v1::SURFACE_KIND_BARE); }, 0);
+  refused(
+      "plane = SOLID", [](auto& a, double) { a.set_plane(v1::PLANE_CONDITION_STRAIN); }, 0);
+  EXPECT_NE(refusal([](auto& a) { a.set_pad_thickness_std_m(0.001); }).find("pad_thickness_m: "),
+            std::string::npos);
 }
 
 }  // namespace

@@ -20,7 +20,9 @@ constexpr std::size_t kMaxInMean = 400;  // nodes in the variance of a mean
 service::Estimate estimate(service::Elastography& elastography, const Window& w, const Estimator& by) {
   service::TissueExtent extent = w.extent;
   by.state(extent);
-  return elastography.estimate(w.pre, w.post, {w.geometry, w.force, extent});
+  // A pad takes the force's place.
+  const auto force = extent.pad ? std::nullopt : std::optional(w.force);
+  return elastography.estimate(w.pre, w.post, {w.geometry, force, extent});
 }
 
 // Median of what the tracked axial displacement is off by, where it is trusted.
@@ -112,6 +114,7 @@ std::vector<Estimator> estimators() {
           {"plane strain",
            [](service::TissueExtent& e) {
              e.plane = service::Plane::kStrain, e.probe_elevation_m = 0, e.depth_stated = true;
+             e.pad.reset();
            },
            false}};
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "service/device/cancellation.h"
+#include "service/imaging/modulus/modulus.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -48,7 +49,42 @@ VectorXd weighted(const VectorXd& in, const CellGrid& cells, const std::vector<d
   return out;
 }
 
+constexpr double kNearFieldM = 3e-3;    // what the face's condition decides, not the modulus
+constexpr double kTold = 0.4;           // of the median modelled strain: with less a cell tells no modulus
+constexpr double kStandoffM = 4e-3;     // of the image without a trusted strain: less is the kernels'
+constexpr double kTrackedFromM = 1e-3;  // depth below the face where tracking begins
+
 }  // namespace
+
+double top_of(const Measured& m) {
+  for (std::size_t j = 0; j < m.grid.ny; ++j) {
+    std::size_t tracked = 0;
+    for (std::size_t i = 0; i < m.grid.nx; ++i) tracked += m.strain_valid[i + m.grid.nx * j];
+    if (2 * tracked < m.grid.nx) continue;
+    const double y_m = m.grid.y_m(m.grid.nx * j);
+    return y_m - std::max(m.grid.origin_y_m, 0.0) < kStandoffM ? 0 : y_m - kTrackedFromM;
+  }
+  throw NoCompression("no depth of the image was tracked over half of its width; press further");
+}
+
+void leave_out(const VectorXd& log_strain, const CellGrid& cells, double pad_m, double edge_m,
+               VectorXd& observed) {
+  std::vector<double> values(log_strain.begin(), log_strain.end());
+  const double told = std::log(kTold) + median(values);
+  for (Index c = 0; c < observed.size(); ++c)
+    if (const double y_m = cells.y_m(static_cast<std::size_t>(c));
+        y_m < kNearFieldM || std::abs(y_m - pad_m) < edge_m || log_strain[c] < told)
+      observed[c] = 0;
+  if (!(observed.maxCoeff() > 0))
+    throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
+}
+
+double level_of(const VectorXd& of_cells, const VectorXd& observed) {
+  std::vector<double> values;
+  for (Index c = 0; c < of_cells.size(); ++c)
+    if (observed[c] > 0) values.push_back(of_cells[c]);
+  return median(values);
+}
 
 CellStrains cell_strains(const Measured& m, const CellGrid& cells, double top_m, double sign) {
   const auto size = static_cast<Index>(cells.size());

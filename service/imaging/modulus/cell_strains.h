@@ -18,6 +18,18 @@ struct CellStrains {
 // `top_m`: depth of the face in the image; `sign` of the strain that counts, -1 compression.
 CellStrains cell_strains(const Measured&, const CellGrid&, double top_m, double sign);
 
+// The depth at which the tissue begins, where what the image shows above it was not tracked. Throws
+// NoCompression.
+double top_of(const Measured&);
+
+// Sets observed to 0 in cells that tell no modulus: near the face, within `edge_m` of a pad's end, and where
+// homogeneous tissue hardly strains. Throws NoCompression where none is left.
+void leave_out(const Eigen::VectorXd& log_strain, const CellGrid&, double pad_m, double edge_m,
+               Eigen::VectorXd& observed);
+
+// Median over the cells that are observed.
+double level_of(const Eigen::VectorXd& of_cells, const Eigen::VectorXd& observed);
+
 // A field of the cells as the least-squares kernel of the strain sees it; at the ends it is cut.
 Eigen::VectorXd as_measured(const Eigen::VectorXd& strain, const CellGrid&, const StrainOptions&);
 

@@ -82,6 +82,7 @@ double common_deviation(const ModulusInput& in, StripCache& strips, const Modulu
   if (!out.absolute) return 0;
   const double by_c =
       in.sound_speed_deviation > 0 ? in.sound_speed_deviation * sound_speed_slope(in, out) : 0;
+  if (!in.force) return by_c;  // by a pad, beside whose strain nu counts for nothing
   return std::hypot(in.force->deviation(), tissue_deviation(in, strips, out), by_c);
 }
 

@@ -229,7 +229,7 @@ void out_of_plane(const ModulusInput& in, ModulusEstimate& out) {
 // Near nu = 1/2 the tissue carries the push by pressure as far as it cannot give way sideways. Pressure
 // leaves no trace in the displacement: the scale of the modulus then hangs on nu.
 void pressure(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) {
-  if (!out.absolute) return;
+  if (!in.force) return;
   // Under a narrow face the tissue gives way across the plane.
   if (out.kind == ModulusKind::kSolid && in.force->contact_area_m2 < in.window_width_m * in.tissue.depth_m)
     return;
@@ -246,7 +246,7 @@ void pressure(const ModulusInput& in, StripCache& strips, ModulusEstimate& out) 
 // Median of log(E / known) over both deviations, with those of both forces, the other taken for as uncertain
 // as this one (T3.4). A wrong force scales the whole map; only other windows can tell.
 void scale(const ModulusInput& in, ModulusEstimate& out) {
-  if (!out.absolute || !in.known) return;
+  if (!in.force || !in.known) return;
   const auto [worst, shift] = worst_disagreement(in, out);
   if (!(worst > kMaxDisagreement)) return;
   widen_all(out, shift);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "service/device/cancellation.h"
+#include "service/imaging/modulus/cell_strains.h"
 
 namespace teletact::service {
 namespace {
@@ -48,6 +49,26 @@ VectorXd median_along(const VectorXd& field, const CellGrid& cells, Index reach)
 }
 
 }  // namespace
+
+ProbedTissue::Planes planes_told(const std::vector<SliceBeside>& beside, const ProbedTissue& tissue,
+                                 double top_m, double range_log) {
+  const CellGrid& cells = tissue.cells();
+  ProbedTissue::Planes planes;
+  for (const SliceBeside& slice : beside) {
+    if (std::abs(slice.offset_m) < tissue.nearest_plane_m()) continue;
+    check_cancelled();
+    VectorXd logarithm = VectorXd::Zero(static_cast<Index>(cells.size())), observed = logarithm;
+    for (std::size_t c = 0; c < cells.size(); ++c) {
+      const double modulus_pa = slice.modulus_pa(cells.x_m(c), cells.y_m(c) + top_m);
+      if (!(modulus_pa > 0 && std::isfinite(modulus_pa))) continue;
+      logarithm[static_cast<Index>(c)] = std::log(modulus_pa), observed[static_cast<Index>(c)] = 1;
+    }
+    if (!(observed.maxCoeff() > 0)) continue;
+    logarithm = ((logarithm.array() - level_of(logarithm, observed)) * observed.array()).matrix();
+    planes.push_back({slice.offset_m, logarithm.cwiseMax(-range_log).cwiseMin(range_log)});
+  }
+  return planes;
+}
 
 ProbedTissue::Planes with_shared_lumps(ProbedTissue::Planes beside, const VectorXd& log_modulus) {
   const auto from = [](double at, double none, double all) {

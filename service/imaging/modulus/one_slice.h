@@ -2,10 +2,17 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "service/imaging/modulus/probed_tissue.h"
+#include "service/imaging/modulus/tissue_extent.h"
 
 namespace teletact::service {
+
+// The other slices in the cells of this one, whose face lies top_m deep: ln E of each about its own
+// background, within range_log, 0 where it says nothing. Their levels differ by their forces' errors.
+ProbedTissue::Planes planes_told(const std::vector<SliceBeside>&, const ProbedTissue&, double top_m,
+                                 double range_log);
 
 // The other slices, each with this one's modulus where both show one lump: how far it extends they tell, how
 // stiff it is this one does. Where this one shows much more, the others show the shadow of it, and nothing is

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "service/imaging/modulus/modulus.h"
+#include "service/imaging/modulus/pad.h"
 #include "service/imaging/modulus/tissue_words.h"
 #include "service/imaging/modulus/told_tissue.h"
 #include "service/imaging/tracking/median.h"
@@ -22,14 +23,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kNearFieldM = 3e-3;  // what the face's condition decides, not the modulus
-constexpr double kTold = 0.4;         // of the median modelled strain: with less a cell tells no modulus
-constexpr double kStandoffM = 4e-3;   // of the image without a trusted strain: less is the kernels'
-constexpr double kCommonLog = 0.03;   // the model's own, alike in all cells
+constexpr double kCommonLog = 0.03;  // the model's own, alike in all cells
 // Tissue that is taken to go on ends somewhere from 0.7 depths beside the face on: the mean over ln of the
 // way of ln of the force that it then lacks (0.08 at 0.8 depths, 0.035 at 1.1, 0.015 at 1.6).
 constexpr double kEndsSomewhereLog = 0.022;
-constexpr double kTrackedFromM = 1e-3;  // depth below the face where tracking begins
 
 // Beforehand: ln of what is not stated, about the usual.
 constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
@@ -50,18 +47,6 @@ constexpr double kWellExplained = 0.08;  // of the strain, unexplained
 // the probe reads 0.79 to 0.89 of the truth, what ends nearer less.
 constexpr double kUnweighedLog = 0.3;
 constexpr double kMaxGrading = 1.1;  // of ln E from the face to the bottom of the image: more is no tissue
-
-// The depth at which the tissue begins, where what the image shows above it was not tracked.
-double top_of(const Measured& m) {
-  for (std::size_t j = 0; j < m.grid.ny; ++j) {
-    std::size_t tracked = 0;
-    for (std::size_t i = 0; i < m.grid.nx; ++i) tracked += m.strain_valid[i + m.grid.nx * j];
-    if (2 * tracked < m.grid.nx) continue;
-    const double y_m = m.grid.y_m(m.grid.nx * j);
-    return y_m - std::max(m.grid.origin_y_m, 0.0) < kStandoffM ? 0 : y_m - kTrackedFromM;
-  }
-  throw NoCompression("no depth of the image was tracked over half of its width; press further");
-}
 
 KnownLength elevation_known(const TissueExtent& tissue, double elevation_m) {
   const double low = std::log(kMinElevationM), high = std::log(kMaxElevationM);
@@ -97,26 +82,16 @@ bool contradicted_by_reference(const WeighedTissues& start) {
          start.window.depth.contradicted(m.face.depth_m * std::exp(m.fit.at[kDepth]));
 }
 
-// Cells that tell no modulus: near the face, and where homogeneous tissue hardly strains.
-void leave_out(const VectorXd& log_strain, const CellGrid& cells, VectorXd& observed) {
-  std::vector<double> values(log_strain.begin(), log_strain.end());
-  const double told = std::log(kTold) + median(values);
-  for (Index c = 0; c < observed.size(); ++c)
-    if (cells.y_m(static_cast<std::size_t>(c)) < kNearFieldM || log_strain[c] < told) observed[c] = 0;
-  if (!(observed.maxCoeff() > 0))
-    throw NoCompression("no cell of the strain map tells a modulus; press further between the frames");
-}
-
 }  // namespace
 
 ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
     : strips_(strips), weigher_(queue, strain, std::move(strips)) {}
 
-int ProbeFitter::max_solves(FitEffort effort) {
+int ProbeFitter::max_solves(FitEffort effort, bool pad) {
   const bool all = effort != FitEffort::kUsual, others = effort == FitEffort::kAllStarts;
-  const int coarse = kCoarsePerSolve * (all ? 1 + kSkinSolves : 1) +
-                     (others ? 3 : 1) * TissueWeigher::max_coarse_solves(all) +
-                     (others ? TissueWeigher::max_coarse_solves_of_reference() : 0);
+  const int coarse = kCoarsePerSolve * (all && !pad ? 1 + kSkinSolves : 1) +
+                     (others ? 3 : 1) * TissueWeigher::max_coarse_solves(all, pad) +
+                     (others ? TissueWeigher::max_coarse_solves_of_reference(pad) : 0);
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
@@ -162,25 +137,32 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   TissueWindow w{in.tissue.beside_m, in.tissue.beside_std_m, elevation_known(in.tissue, elevation_m),
                  depth_known(in.tissue, depth_m, image_m)};
   if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
+  const double pad_m = in.tissue.pad ? in.tissue.pad->thickness_m : 0;
+  if (pad_m > 0) w.pad = pad_known(*in.tissue.pad);
+  double pad_log = 0;
   const auto usual = [&](const TissueWindow& of) {
-    return ProbeFace{in.window_width_m, std::exp(of.elevation.log), std::exp(of.depth.log), image_m,
-                     in.tissue.poisson_ratio};
+    ProbeFace face{in.window_width_m, std::exp(of.elevation.log), std::exp(of.depth.log), image_m,
+                   in.tissue.poisson_ratio};
+    face.pad_m = pad_m, face.pad_log = pad_log;
+    return face;
   };
   const TissueAnswer& first = weigher_.answer(usual(w), true);
   w.cells = first.cells;
   w.measured = cell_strains(measured, w.cells, top_m, sign);
   w.places = w.cells.spacing_m * w.cells.row_m / kAlikeM2;
-  leave_out(first.log_strain, w.cells, w.measured.observed);
+  leave_out(first.log_strain, w.cells, pad_m, 0, w.measured.observed);
+  if (pad_m > 0)
+    pad_log = first_pad_log(first.log_strain, w.measured.log_strain, w.measured.observed, w.cells, pad_m);
   w.of_depth.resize(first.log_strain.size());
   for (std::size_t c = 0; c < w.cells.size(); ++c)
-    w.of_depth[static_cast<Index>(c)] = w.cells.y_m(c) / image_m - 0.5;
+    w.of_depth[static_cast<Index>(c)] = w.cells.y_m(c) < pad_m ? 0 : w.cells.y_m(c) / image_m - 0.5;
 
   const bool all = effort != FitEffort::kUsual;
   w.as_stated = !all;
-  const FineAnswer& fine = weigher_.fine(usual(w), all);
+  const FineAnswer& fine = weigher_.fine(usual(w), all && !in.tissue.pad);
   w.finer = fine.finer;
   w.skin = skin_known(in.tissue.surface, cells_under(usual(w), kFineCellM).row_m);
-  if (all) w.by_skin = *fine.skin;
+  if (fine.skin) w.by_skin = *fine.skin;
   std::vector<WeighedTissues> starts{weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
   bool untried = !all;
   if (all) {
@@ -219,7 +201,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
     }
   }
   TogetherWeighed weighed;
-  if (all)
+  if (all && !in.tissue.pad)
     weighed = weigh_together(weigher_, in.told, starts);
   else
     weigh_together(starts);
@@ -264,7 +246,11 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   const CellGrid& cells = out.tissue->cells();
   const auto in_cells = [&](const VectorXd& coarse) { return sampled(coarse, w.cells, cells); };
   out.measured = cell_strains(in.measured, cells, top_of(in.measured), sign);
-  leave_out(in_cells(likeliest.answer->log_strain), cells, out.measured.observed);
+  // What lies under a pad has no skin: its strain is measured.
+  const bool pad = out.face.pad_m > 0, by_pad = pad && !in.force;
+  const VectorXd of_pad = pad_cells(out.face, cells);
+  leave_out(in_cells(likeliest.answer->log_strain) + of_pad, cells, out.face.pad_m, kPadEdgeM,
+            out.measured.observed);
   out.by_tilt = in_cells(w.by_tilt);
   out.lateral_ratio = likeliest.answer->lateral_ratio;
 
@@ -274,12 +260,14 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
         return kind.of->face.goes_on() && kind.weight > kLeastWeight;
       }))
     log_share = std::log(weigher_.solid(w.face, kCoarseCellM)->force_share());
-  // An absolute modulus goes as the strain that a force brings, a relative one as the strain beside its mean.
-  const double observed = w.measured.observed.sum();
+  // An absolute modulus goes as the strain that a force brings, a relative one as the strain beside its mean,
+  // or beside that of a pad.
+  const VectorXd beside = by_pad ? in_pad(w.measured.observed, w.cells, out.face.pad_m) : w.measured.observed;
   const auto of_modulus = [&](VectorXd log_strain, double log_force) {
-    log_strain.array() -= in.force ? log_force : w.measured.observed.dot(log_strain) / observed;
+    log_strain.array() -= in.force ? log_force : beside.dot(log_strain) / beside.sum();
     return log_strain;
   };
+  const std::size_t skins = pad ? 0 : kSkinChanges;
   // Of the skin: in the mean over all tissues; beforehand, where the fit is not of it.
   const auto skin_of = [&](const CandidateTissue& m, std::size_t k) {
     return m.with_skin ? m.with_skin->at[m.with_skin->at.size() - static_cast<Index>(kSkinChanges - k)]
@@ -294,10 +282,10 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   double weights = 0;
   each([&](const TissueWindow&, const CandidateTissue& m) {
     weights += m.weight;
-    for (std::size_t k = 0; k < kSkinChanges; ++k) skin[k] += m.weight * skin_of(m, k);
+    for (std::size_t k = 0; k < skins; ++k) skin[k] += m.weight * skin_of(m, k);
   });
-  out.skin = VectorXd::Zero(static_cast<Index>(cells.size()));
-  for (std::size_t k = 0; k < kSkinChanges; ++k) out.skin += (skin[k] /= weights) * skin_cells(cells, k);
+  out.above = of_pad;
+  for (std::size_t k = 0; k < skins; ++k) out.above += (skin[k] /= weights) * skin_cells(cells, k);
   const auto found = [&](const TissueWindow& about, const CandidateTissue& m, double share = 1) {
     VectorXd log_strain = m.answer->log_strain;
     if (!m.block) log_strain += about.finer;
@@ -311,12 +299,14 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
       add(kElevation, m.by_elevation.strain, m.by_elevation.force);
       add(kDepth, m.by_depth.strain, m.by_depth.force);
       if (m.by_beside.size()) add(kBeside, m.by_beside, m.force_by_beside);
-      for (std::size_t k = 0; k < kSkinChanges; ++k) {
+      if (pad) add(pad_column(m.fit), about.by_pad_thickness.strain, about.by_pad_thickness.force);
+      for (std::size_t k = 0; k < skins; ++k) {
         const double more = share * (skin_of(m, k) - skin[k]);
         log_strain += more * about.by_skin.log_strain[k], log_force += more * about.by_skin.log_force[k];
       }
     }
-    return of_modulus(std::move(log_strain), log_force);
+    if (by_pad) log_strain = of_modulus(std::move(log_strain), 0).array() - m.face.pad_log;
+    return by_pad ? log_strain : of_modulus(std::move(log_strain), log_force);
   };
   const VectorXd used = found(w, likeliest, 0);
   VectorXd mean = VectorXd::Zero(used.size());
@@ -328,7 +318,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   std::vector<VectorXd> differing;
   each([&](const TissueWindow& about, const CandidateTissue& m) {
     VectorXd away = in_cells(found(about, m) - used - mean);
-    for (std::size_t k = 0; k < kSkinChanges; ++k) away += (skin_of(m, k) - skin[k]) * skin_cells(cells, k);
+    for (std::size_t k = 0; k < skins; ++k) away += (skin_of(m, k) - skin[k]) * skin_cells(cells, k);
     differing.push_back(std::sqrt(m.weight) * away);
   });
   const MatrixXd apart = columns_of(differing);
@@ -336,7 +326,6 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   out.between_modes = principal(apart, kMostBetween);
   // And what each leaves open of itself; a block, whose length alone bears the force, that.
   std::vector<VectorXd> own;
-  const auto skins = static_cast<Index>(kSkinChanges);
   each([&](const TissueWindow& about, const CandidateTissue& m) {
     const double share = m.weight / weights;
     if (m.block && in.force)
@@ -348,8 +337,10 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
             in_cells(of_modulus(m.by_depth.strain, m.by_depth.force))};
     if (!m.block && all && m.by_beside.size())
       by.push_back(in_cells(of_modulus(m.by_beside, m.force_by_beside)));
-    const auto lengths = static_cast<Index>(by.size()), count = lengths + skins;
-    for (std::size_t k = 0; k < kSkinChanges; ++k) {
+    if (!m.block && all && pad)
+      by.push_back(in_cells(of_modulus(about.by_pad_thickness.strain, about.by_pad_thickness.force)));
+    const auto lengths = std::ssize(by), count = lengths + static_cast<Index>(skins);
+    for (std::size_t k = 0; k < skins; ++k) {
       by.push_back(skin_cells(cells, k));
       if (m.with_skin)
         by.back() += in_cells(of_modulus(about.by_skin.log_strain[k], about.by_skin.log_force[k]));
@@ -364,7 +355,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
       else if (!m.block)
         covariance(0, 0) = squared(about.elevation.deviation),
                       covariance(1, 1) = squared(about.depth.deviation);
-      for (Index k = 0; k < skins; ++k)
+      for (Index k = 0; k < count - lengths; ++k)
         covariance(lengths + k, lengths + k) = squared(about.skin.deviation[static_cast<std::size_t>(k)]);
     }
     const MatrixXd root = covariance.llt().matrixL();
@@ -374,6 +365,9 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
       own.push_back(std::sqrt(share) * change);
     }
   });
+  if (by_pad)  // what its own strain is off by, in the mean
+    own.push_back(VectorXd::Constant(static_cast<Index>(cells.size()),
+                                     likeliest.fit.rest / std::sqrt(std::max(1.0, w.places * beside.sum()))));
   out.changes = principal(columns_of(own), kMostChanges);
   out.common_log = kCommonLog;
   const double grading = all ? likeliest.fit.at[kGrading] : 0;

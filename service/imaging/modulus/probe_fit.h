@@ -31,8 +31,8 @@ struct ProbeFit {
   // variance between them; and its changes by one standard deviation of what each leaves open of itself.
   Eigen::VectorXd shift, between;
   std::vector<Eigen::VectorXd>
-      between_modes;     // of which, but for little, `between` is the root of the squares
-  Eigen::VectorXd skin;  // ln E of the skin's layers over that below
+      between_modes;      // of which, but for little, `between` is the root of the squares
+  Eigen::VectorXd above;  // ln E of the skin's layers, or of a pad, over that below
   std::vector<Eigen::VectorXd> changes;
   double common_log = 0;         // of ln E: the mesh, what the tissue does at its sides, what was not tried
   double untried_log = 0;        // of that, what is alike of tissue that a tilted face leaves untried
@@ -52,7 +52,7 @@ class ProbeFitter {
   // std::invalid_argument naming the field.
   ProbeFit fit(const ModulusInput&, double elevation_m, double sign, FitEffort);
   // The most that fit() solves.
-  static int max_solves(FitEffort);
+  static int max_solves(FitEffort, bool pad);
 
   void forget() { weigher_.forget(); }
 

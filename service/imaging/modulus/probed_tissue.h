@@ -23,6 +23,8 @@ struct ProbeFace {
   // on, else it is bonded.
   double beside_m = std::numeric_limits<double>::infinity();
   bool slides = false;
+  // Of a pad between face and tissue (0: none), and ln of its modulus over that of the tissue.
+  double pad_m = 0, pad_log = 0;
   bool goes_on() const { return beside_m == std::numeric_limits<double>::infinity(); }
   bool operator==(const ProbeFace&) const = default;
 };

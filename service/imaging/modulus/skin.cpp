@@ -16,16 +16,14 @@ namespace {
 
 constexpr double kBareLog = 0.07;  // of all alike, and of each layer
 
-// ln E of a layer, part of which is a capsule, over that of what is below: mean of the two bounds, and half
-// of their distance.
-std::array<double, 2> capsule_log(const Surface& capsule, std::size_t layer, double row_m) {
+}  // namespace
+
+std::array<double, 2> layer_log(const Surface& capsule, std::size_t layer, double row_m) {
   const double part = std::clamp(capsule.thickness_m / row_m - static_cast<double>(layer), 0.0, 1.0);
   const double voigt = std::log(1 - part + part * capsule.ratio),
                reuss = -std::log(1 - part + part / capsule.ratio);
   return {(voigt + reuss) / 2, (voigt - reuss) / 2};
 }
-
-}  // namespace
 
 SkinPrior skin_known(const Surface& surface, double row_m) {
   constexpr double kLeast = 0.05;  // of thickness and ratio: no capsule is thinner or softer by far
@@ -34,13 +32,13 @@ SkinPrior skin_known(const Surface& surface, double row_m) {
   out.deviation.fill(kBareLog);
   if (surface.kind == Surface::Kind::kBare) return out;
   for (std::size_t k = 1; k < kSkinChanges; ++k) {
-    const auto [mean, apart] = capsule_log(surface, k - 1, row_m);
+    const auto [mean, apart] = layer_log(surface, k - 1, row_m);
     // The larger of what one deviation more and one less make of it.
     const auto by = [&, mean = mean](double Surface::*what, double deviation) {
       Surface more = surface, less = surface;
       more.*what += deviation, less.*what = std::max(kLeast * surface.*what, surface.*what - deviation);
-      return std::max(std::abs(capsule_log(more, k - 1, row_m)[0] - mean),
-                      std::abs(capsule_log(less, k - 1, row_m)[0] - mean));
+      return std::max(std::abs(layer_log(more, k - 1, row_m)[0] - mean),
+                      std::abs(layer_log(less, k - 1, row_m)[0] - mean));
     };
     out.mean[k] = mean;
     out.deviation[k] =

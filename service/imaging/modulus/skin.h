@@ -26,6 +26,9 @@ struct SkinPrior {
 // doi 10.1088/0370-1298/65/5/307) of the bounds by Voigt and Reuss, with half of their distance as a
 // deviation.
 SkinPrior skin_known(const Surface&, double row_m);
+// ln E of a layer, part of which is a capsule, over that of what is below: mean of the two bounds, and half
+// of their distance.
+std::array<double, 2> layer_log(const Surface& capsule, std::size_t layer, double row_m);
 
 // What a change changes under a face on homogeneous tissue: ln(strain) as measured, and ln(force).
 struct SkinAnswer {

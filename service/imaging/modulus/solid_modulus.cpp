@@ -49,6 +49,7 @@ constexpr double kUnsettledLog = 0.5;        // of the last step, where the time
 // ln E about the background: stiffer tissue hardly strains, so that how stiff it is nobody knows. As long
 // as it bears little of the force, that does not matter.
 constexpr double kStiffLog = 1.8, kMaxOfStiff = 1.3;
+constexpr double kContradictedScale = 3;  // deviations between what force and pad say of the scale
 
 class SolidModulusMethod : public ModulusMethod {
  public:
@@ -59,7 +60,7 @@ class SolidModulusMethod : public ModulusMethod {
     validate(in.force);
     ModulusEstimate out;
     out.kind = ModulusKind::kSolid;
-    out.absolute = in.force.has_value();
+    out.absolute = in.force || in.tissue.pad;
     std::vector<float> trusted;
     for (std::size_t n = 0; n < in.measured.grid.size(); ++n)
       if (in.measured.strain_valid[n]) trusted.push_back(in.measured.axial_strain[n]);
@@ -67,19 +68,22 @@ class SolidModulusMethod : public ModulusMethod {
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
     const auto affords = [&](FitEffort effort) {
-      return in.budget.solves >= ProbeFitter::max_solves(effort) + solves_of(kUsualSteps + kForcePushes);
+      return in.budget.solves >= ProbeFitter::max_solves(effort, in.tissue.pad.has_value()) +
+                                     solves_of(kUsualSteps + kForcePushes);
     };
     const FitEffort effort = affords(FitEffort::kAllStarts) ? FitEffort::kAllStarts
                              : affords(FitEffort::kWeighed) ? FitEffort::kWeighed
                                                             : FitEffort::kUsual;
     // By what the fit may solve, not by what it did: that depends on what is kept of the pair before.
-    const int left = std::min(in.budget.solves - ProbeFitter::max_solves(effort) - 1, kMaxSteps),
+    const int left =
+                  std::min(in.budget.solves - ProbeFitter::max_solves(effort, in.tissue.pad.has_value()) - 1,
+                           kMaxSteps),
               steps = std::clamp(kPushesPerSolve * left - kForcePushes, 1, kMaxSteps);
     const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1, effort);
     out.solves = fit.solves;
     out.lateral_ratio = fit.lateral_ratio;
     out.model = fit.words;
-    const ProbedTissue::Planes beside = planes_beside(in, fit);
+    const ProbedTissue::Planes beside = planes_told(in.beside, *fit.tissue, fit.top_m, kRangeLog);
     if (!beside.empty())
       out.model += fmt::format("; slices of it are known from {:.1f} to {:.1f} mm across the image",
                                1e3 * beside.front().offset_m, 1e3 * beside.back().offset_m);
@@ -103,7 +107,7 @@ class SolidModulusMethod : public ModulusMethod {
                "homogeneous; check the probe's size and the tissue's depth and support",
                100 * fit.rest);
     const Found found = find(in, fit, beside, steps, out);
-    const double log_scale = in.force ? std::log(in.force->force_n / found.force_n) : 0;
+    const double log_scale = scale(in, found, out);
     publish(in, fit, found, log_scale, out);
     // Of a strain that is not explained others are told nothing.
     if (!fit.unweighed && std::ranges::none_of(out.warnings, [](const Warning& w) {
@@ -128,7 +132,7 @@ class SolidModulusMethod : public ModulusMethod {
     VectorXd log_modulus;              // of the cells, E in Pa under which the probe bears force_n
     VectorXd own_deviation;            // of it: what is known cell by cell,
     std::vector<VectorXd> modes = {};  // and its change by one deviation of each cause that many share
-    double force_n = 0;
+    double force_n = 0, pad_log = 0;   // under which a pad has this ln E
   };
 
   // A map that was solved, and what it shows.
@@ -139,11 +143,10 @@ class SolidModulusMethod : public ModulusMethod {
 
   static ProbedTissue::Response pushed(const ProbeFit& fit, const VectorXd& theta, double tilt,
                                        const ProbedTissue::Planes& beside, bool again) {
-    const VectorXd with_skin = theta + fit.skin;
-    auto planes = planes_between(with_shared_lumps(beside, with_skin), with_skin, *fit.tissue);
-    planes = planes_beyond(std::move(planes), with_skin, *fit.tissue);
-    return again ? fit.tissue->push_again(with_skin, tilt, planes)
-                 : fit.tissue->push(with_skin, tilt, planes);
+    const VectorXd with_top = theta + fit.above;
+    auto planes = planes_between(with_shared_lumps(beside, with_top), with_top, *fit.tissue);
+    planes = planes_beyond(std::move(planes), with_top, *fit.tissue);
+    return again ? fit.tissue->push_again(with_top, tilt, planes) : fit.tissue->push(with_top, tilt, planes);
   }
 
   // E <- E eps[E] / eps, with total variation, and the tilt that what is left shows.
@@ -159,6 +162,8 @@ class SolidModulusMethod : public ModulusMethod {
     };
     const VectorXd weight = weighed(kCellModelLog), stated = weighed(kStatedModelLog);
     Denoiser denoise(cells);
+    const auto columns = static_cast<Index>(cells.columns),
+               pad = columns * static_cast<Index>(std::lround(fit.face.pad_m / cells.row_m));
     Found found{VectorXd::Zero(size), VectorXd::Zero(size)};
     VectorXd& theta = found.log_modulus;
     double tilt = 0, tilt_deviation = 0, spread = 0;
@@ -206,6 +211,10 @@ class SolidModulusMethod : public ModulusMethod {
           out.iterations == 0 ? VectorXd((observed.array() > 0).select(pseudo, 0.0)) : theta;
       VectorXd denoised = denoise(pseudo, observed / kOverstep, start);
       if (!(fit.face.beside_m > 0) || fit.face.slides) hold_columns(denoised, cells);
+      if (pad > 0) {  // all of it is alike
+        const VectorXd told = (observed.head(pad).array() > 0).cast<double>();
+        denoised.head(pad).setConstant(told.dot(pseudo.head(pad)) / std::max(1.0, told.sum()));
+      }
       moved = denoised - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
       if (out.iterations < kUsualSteps) denoised = hastened.next(theta, denoised);
@@ -276,10 +285,12 @@ class SolidModulusMethod : public ModulusMethod {
     const double one_slice = fit.face.beside_m > 0 ? kOneSliceLog : kOneSliceOfBlockLog;
     const double of_tilt = std::hypot(tilt_deviation, kTiltLog * tilt);
     double all_own = 0, all_common = 0;
-    const auto columns = static_cast<Index>(cells.columns), skin = columns * static_cast<Index>(kSkinLayers);
-    const double of_skin = in.tissue.surface.kind == Surface::Kind::kUneven ? kUnobservedLog : kSkinVariesLog;
+    const Index top = pad > 0 ? pad : columns * static_cast<Index>(kSkinLayers);
+    const double of_top = pad > 0                                            ? 0
+                          : in.tissue.surface.kind == Surface::Kind::kUneven ? kUnobservedLog
+                                                                             : kSkinVariesLog;
     const auto typical = [&](const VectorXd& of) {
-      return of.tail(size - skin).norm() / std::sqrt(static_cast<double>(size - skin));
+      return of.tail(size - top).norm() / std::sqrt(static_cast<double>(size - top));
     };
     out.model_deviation = std::hypot(typical(fit.between), fit.untried_log);
     for (const VectorXd& change : fit.changes)
@@ -288,41 +299,43 @@ class SolidModulusMethod : public ModulusMethod {
     found.modes.insert(found.modes.end(), fit.between_modes.begin(), fit.between_modes.end());
     found.modes.push_back(VectorXd::Constant(size, fit.common_log));
     found.modes.push_back(of_tilt * fit.by_tilt);
+    if (in.tissue.pad && !in.force)
+      found.modes.push_back(
+          VectorXd::Constant(size, in.tissue.pad->youngs_modulus_std_pa / in.tissue.pad->youngs_modulus_pa));
     for (Index c = 0; c < size; ++c) {
-      double own = c < skin ? squared(of_skin)
-                            : std::pow(found.own_deviation[c], 2) + std::pow(one_slice * theta[c], 2),
+      double own = c < top ? squared(of_top)
+                           : std::pow(found.own_deviation[c], 2) + std::pow(one_slice * theta[c], 2),
              between = squared(fit.between[c]), common = 0;
       for (const VectorXd& mode : fit.between_modes) between -= squared(mode[c]);
       own += std::max(0.0, between);
       if (!out.converged) own += std::pow(kUnsettledLog * moved[c], 2);
       for (const VectorXd& mode : found.modes) common += squared(mode[c]);
       if (observed[c] > 0) all_own += own, all_common += common;
-      if (c >= skin && !(observed[c] > 0)) own = std::max(own, squared(kUnobservedLog) - common);
+      if (c >= top && !(observed[c] > 0)) own = std::max(own, squared(kUnobservedLog) - common);
       found.own_deviation[c] = std::sqrt(own);
     }
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
-    theta += fit.shift + fit.skin;
+    found.pad_log = theta[0] + fit.face.pad_log;
+    theta += fit.shift + fit.above;
     return found;
   }
 
-  // Each about its own background, 0 where it says nothing: their levels differ by their forces' errors.
-  static ProbedTissue::Planes planes_beside(const ModulusInput& in, const ProbeFit& fit) {
-    const CellGrid& cells = fit.tissue->cells();
-    ProbedTissue::Planes planes;
-    for (const SliceBeside& slice : in.beside) {
-      if (std::abs(slice.offset_m) < fit.tissue->nearest_plane_m()) continue;
-      check_cancelled();
-      VectorXd logarithm = VectorXd::Zero(static_cast<Index>(cells.size())), observed = logarithm;
-      for (std::size_t c = 0; c < cells.size(); ++c) {
-        const double modulus_pa = slice.modulus_pa(cells.x_m(c), cells.y_m(c) + fit.top_m);
-        if (!(modulus_pa > 0 && std::isfinite(modulus_pa))) continue;
-        logarithm[static_cast<Index>(c)] = std::log(modulus_pa), observed[static_cast<Index>(c)] = 1;
-      }
-      if (!(observed.maxCoeff() > 0)) continue;
-      logarithm = ((logarithm.array() - level_of(logarithm, observed)) * observed.array()).matrix();
-      planes.push_back({slice.offset_m, logarithm.cwiseMax(-kRangeLog).cwiseMin(kRangeLog)});
-    }
-    return planes;
+  // ln of what the map is to be multiplied with: by the force, else by the pad.
+  static double scale(const ModulusInput& in, const Found& found, ModulusEstimate& out) {
+    const double by_force = in.force ? std::log(in.force->force_n / found.force_n) : 0;
+    if (!in.tissue.pad) return by_force;
+    const StandoffPad& pad = *in.tissue.pad;
+    const double by_pad = std::log(pad.youngs_modulus_pa) - found.pad_log;
+    if (!in.force) return by_pad;
+    const double open = std::hypot(in.force->deviation(), pad.youngs_modulus_std_pa / pad.youngs_modulus_pa,
+                                   std::hypot(out.model_deviation, out.unstated_deviation));
+    if (std::abs(by_force - by_pad) > kContradictedScale * open)
+      out.warn(
+          ModulusFlag::kScale,
+          "by the force the pad has a modulus of {:.3g} kPa, but it is stated as {:.3g}: check the force and "
+          "the pad",
+          1e-3 * std::exp(by_force + found.pad_log), 1e-3 * pad.youngs_modulus_pa);
+    return by_force;
   }
 
   // The probe's force, N, under the push that leaves as much strain as was measured.
@@ -336,13 +349,6 @@ class SolidModulusMethod : public ModulusMethod {
     return response.force_n * std::exp(-level_of(residual, observed)) / fit.tissue->force_share();
   }
 
-  static double level_of(const VectorXd& residual, const VectorXd& observed) {
-    std::vector<double> values;
-    for (Index c = 0; c < residual.size(); ++c)
-      if (observed[c] > 0) values.push_back(residual[c]);
-    return median(values);
-  }
-
   void publish(const ModulusInput& in, const ProbeFit& fit, const Found& found, double log_scale,
                ModulusEstimate& out) const {
     const ImageGrid& image = in.measured.grid;
@@ -352,7 +358,8 @@ class SolidModulusMethod : public ModulusMethod {
     for (std::size_t n = 0; n < image.size(); ++n) {
       if (n % image.nx == 0) check_cancelled();
       const double y_m = image.y_m(n) - fit.top_m;
-      if (!in.measured.displacement_valid[n] || y_m < 0 || y_m > fit.face.image_depth_m) continue;
+      if (!in.measured.displacement_valid[n] || y_m < fit.face.pad_m || y_m > fit.face.image_depth_m)
+        continue;
       out.youngs_modulus[n] =
           static_cast<float>(std::exp(at_node(found.log_modulus, cells, image, fit.top_m, n) + log_scale));
       double variance = squared(at_node(found.own_deviation, cells, image, fit.top_m, n));

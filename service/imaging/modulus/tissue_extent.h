@@ -33,6 +33,13 @@ struct Surface {
   double thickness_std_m = 0, ratio_std = 0;
 };
 
+// A stand-off pad of known modulus between face and tissue, which goes on around the face, with the standard
+// deviations of both: a force sensor where the probe has none.
+struct StandoffPad {
+  double thickness_m = 0, youngs_modulus_pa = 0;
+  double thickness_std_m = 0, youngs_modulus_std_pa = 0;
+};
+
 // Where the window [window_x_m, window_x_m + lines * pitch) lies in its tissue: [0, width_m] x [0, depth_m],
 // y = 0 at the probe face, bonded below, free sides (T4).
 struct TissueExtent {
@@ -53,6 +60,7 @@ struct TissueExtent {
   double beside_std_m = 0;
   double poisson_std = 0;
   Surface surface = {};
+  std::optional<StandoffPad> pad = {};  // of a solid: the first part of depth_m
 };
 
 // Young's modulus (Pa) that other windows, or this one before, have told at x_m (tissue coordinates) and

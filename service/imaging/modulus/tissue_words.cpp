@@ -40,6 +40,9 @@ void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double g
   };
   contradicts(w.elevation, elevation_m, "the face's length across the image");
   if (!likeliest.block) contradicts(w.depth, depth_m, "the tissue's depth");
+  const double pad_m =
+      out.face.pad_m > 0 && fitted ? at_fit(out.face.pad_m, pad_column(likeliest.fit)) : out.face.pad_m;
+  if (out.face.pad_m > 0) contradicts(w.pad, pad_m, "the pad's thickness");
 
   const auto origin = [&](const KnownLength& of, double at_m) {
     return of.contradicted(at_m) ? fmt::format("stated as {:.1f}", 1e3 * std::exp(of.log))
@@ -58,6 +61,8 @@ void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double g
       "where it is homogeneous",
       deep, tissue, 1e3 * out.face.width_m, 1e3 * elevation_m, origin(w.elevation, elevation_m),
       100 * out.rest);
+  if (out.face.pad_m > 0)
+    out.words += fmt::format("; its first {:.1f} mm are the pad ({})", 1e3 * pad_m, origin(w.pad, pad_m));
   if (std::abs(grading) > kNotedGrading)
     out.words +=
         fmt::format("; its modulus {} by a factor of {:.1f} from the face to the bottom of the image",

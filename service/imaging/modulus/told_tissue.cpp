@@ -3,7 +3,9 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "service/base/squared.h"
@@ -196,6 +198,32 @@ Heeded sharpen(const std::vector<ToldBeside>& beside, std::vector<WeighedTissues
     }
   }
   return out;
+}
+
+void weigh_together(std::vector<WeighedTissues>& starts) {
+  using Models = std::vector<CandidateTissue*>;  // of one kind and start, the likeliest first
+  std::vector<Models> counted;
+  for (WeighedTissues& start : starts) {
+    std::map<std::array<int, 2>, Models> kinds;
+    for (CandidateTissue& m : start.models) kinds[kind_of(m)].push_back(&m);
+    for (auto& [kind, models] : kinds) {
+      std::ranges::sort(models, std::ranges::greater{}, &CandidateTissue::odds);
+      const auto twin = std::ranges::find_if(counted, [&](const Models& others) {
+        return kind_of(*others[0]) == kind &&
+               (models[0]->block || apart(*others[0], *models[0]) < kOtherLength);
+      });
+      if (twin == counted.end())
+        counted.push_back(models);
+      else if (models[0]->odds() > (*twin)[0]->odds())
+        *twin = models;
+    }
+  }
+  double best = -HUGE_VAL, sum = 0;
+  for (const Models& models : counted) best = std::max(best, models[0]->odds());
+  for (const Models& models : counted)
+    for (CandidateTissue* m : models) sum += m->weight = std::exp(m->odds() - best);
+  for (const Models& models : counted)
+    for (CandidateTissue* m : models) m->weight /= sum;
 }
 
 TogetherWeighed weigh_together(const TissueWeigher& weigher, const std::vector<ToldBeside>& beside,

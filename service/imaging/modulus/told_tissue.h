@@ -18,6 +18,9 @@ void add_odds(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
 enum class Heeded { kNothing, kAll, kContradicted };
 Heeded sharpen(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);
 
+// Weights of all. A kind that two starts lead to the same face and depth counts once, as the likelier says.
+void weigh_together(std::vector<WeighedTissues>& starts);
+
 // Weighs tissues together, with the skin of those that count, and by what other slices tell, unless that
 // contradicts the likeliest.
 struct TogetherWeighed {

@@ -1,11 +1,11 @@
 #include "service/imaging/modulus/weighed_tissues.h"
 
 #include <array>
-#include <map>
 #include <stdexcept>
 #include <utility>
 
 #include "service/device/cancellation.h"
+#include "service/imaging/modulus/pad.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -21,6 +21,7 @@ constexpr double kDeepestBlockM = 0.4;  // of an image
 constexpr std::array kBesideDepths{0.0, 0.1, 0.2, 0.35, 0.5, 0.7};
 constexpr double kGoesOn = 0.5, kSlides = 0.3, kIsBlock = 0.05;  // beforehand: shares of all, of each, of all
 constexpr double kBesideAsStated = 0.9, kAsWideM = 0.5e-3;
+constexpr double kUsualPad = 0.5;    // of ln of a pad's modulus over the tissue's, about the first guess
 constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps between the places
 
 constexpr double kVary = 0.15, kTiltStep = 0.1;
@@ -67,8 +68,8 @@ const TissueAnswer& TissueWeigher::answer(ProbeFace face, bool tilted) {
   const auto tissue = solid(face, kCoarseCellM);
   TissueAnswer out = answer_of(*tissue, face);
   if (tilted) {
-    const VectorXd more =
-        -as_measured(tissue->push_homogeneous(kTiltStep).axial_strain, tissue->cells(), strain_);
+    const VectorXd more = -as_measured(tissue->push(pad_cells(face, tissue->cells()), kTiltStep).axial_strain,
+                                       tissue->cells(), strain_);
     out.by_tilt = (more.array() / out.log_strain.array().exp() - 1) / kTiltStep;
   }
   return keep(std::move(out));
@@ -107,7 +108,7 @@ std::shared_ptr<ProbedTissue> TissueWeigher::solid(const ProbeFace& face, double
 }
 
 TissueAnswer TissueWeigher::answer_of(ProbedTissue& tissue, const ProbeFace& face) const {
-  const ProbedTissue::Response level = tissue.push_homogeneous();
+  const ProbedTissue::Response level = tissue.push(pad_cells(face, tissue.cells()));
   const VectorXd strain = -as_measured(level.axial_strain, tissue.cells(), strain_);
   std::vector<double> sizes, ratios;
   for (Index c = 0; c < strain.size(); ++c)
@@ -149,6 +150,12 @@ std::vector<FitColumn> columns_of(const TissueWindow& w, const CandidateTissue& 
     known(w.depth, m.by_depth.strain, m.face.depth_m);
     if (m.by_beside.size()) columns.push_back({-m.by_beside, 0, kOfGridStep, false});
   }
+  if (w.face.pad_m > 0) {
+    if (!m.block && !w.as_stated)
+      columns.push_back({-w.by_pad_thickness.strain, w.pad.log - std::log(m.face.pad_m), w.pad.deviation,
+                         w.pad.stated, kLinear});
+    columns.push_back({-w.by_pad_modulus, 0, kUsualPad, false});
+  }
   return columns;
 }
 
@@ -161,7 +168,7 @@ void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale)
 }
 
 void TissueWeigher::fit_skin(const TissueWindow& w, CandidateTissue& m, double scale) const {
-  if (m.block || m.face.beside_m < kSkinBeside * m.face.depth_m) return;
+  if (m.block || m.face.pad_m > 0 || m.face.beside_m < kSkinBeside * m.face.depth_m) return;
   std::vector<FitColumn> columns = columns_of(w, m);
   for (std::size_t k = 0; k < kSkinChanges; ++k)
     columns.push_back({-w.by_skin.log_strain[k], w.skin.mean[k], w.skin.deviation[k], true});
@@ -177,12 +184,17 @@ void TissueWeigher::settle(const TissueWindow& w, CandidateTissue& m, int rounds
     };
     face.elevation_m = moved(w.elevation, face.elevation_m, m.fit.at[kElevation]);
     face.depth_m = moved(w.depth, face.depth_m, m.fit.at[kDepth]);
+    if (face.pad_m > 0) {
+      face.pad_m = moved(w.pad, face.pad_m, m.fit.at[pad_column(m.fit)]);
+      face.pad_log += m.fit.at[pad_column(m.fit) + 1];
+    }
     if (m.by_beside.size())
       face.beside_m = std::clamp(face.beside_m + m.step_m * m.fit.at[kBeside],
                                  std::max(0.0, m.place_m - m.step_m / 2), m.place_m + m.step_m / 2);
     const double way =
         std::max({std::abs(std::log(face.elevation_m / m.face.elevation_m)),
-                  std::abs(std::log(face.depth_m / m.face.depth_m)),
+                  std::abs(std::log(face.depth_m / m.face.depth_m)), std::abs(face.pad_log - m.face.pad_log),
+                  face.pad_m > 0 ? std::abs(std::log(face.pad_m / m.face.pad_m)) : 0.0,
                   m.step_m > 0 ? 0.5 * std::abs(face.beside_m - m.face.beside_m) / m.step_m : 0.0});
     if (way < kSettled) return;
     try {
@@ -220,6 +232,11 @@ CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start
     out.answer = &answer(w.face, true);
     w.by_tilt = out.answer->by_tilt;
     out.by_elevation = by(&ProbeFace::elevation_m, out), out.by_depth = by(&ProbeFace::depth_m, out);
+    if (!(w.face.pad_m > 0)) return;
+    w.by_pad_thickness = by(&ProbeFace::pad_m, out);
+    ProbeFace stiffer = w.face;
+    stiffer.pad_log += kVary;
+    w.by_pad_modulus = (answer(stiffer).log_strain - out.answer->log_strain) / kVary;
   };
   linear();
   for (int round = 1;; ++round) {
@@ -341,16 +358,18 @@ WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start,
   return out;
 }
 
-int TissueWeigher::max_coarse_solves_of_reference() {
-  // Level, tilted and two neighbours, or four; and where it moves to.
-  return 6 + 7 * (kRoundsOfReference - 1);
+int TissueWeigher::max_coarse_solves_of_reference(bool pad) {
+  // Level, tilted and two neighbours, or four; and where it moves to. Of a pad two or three more.
+  const int once = pad ? 9 : 6;
+  return once + (once + 1) * (kRoundsOfReference - 1);
 }
 
-int TissueWeigher::max_coarse_solves(bool all) {
+int TissueWeigher::max_coarse_solves(bool all, bool pad) {
   constexpr int kOthers = 2 * (static_cast<int>(kBesideDepths.size()) + 1);
-  return all ? max_coarse_solves_of_reference() + kCoarsePerSolve + 3 * kOthers +
-                   (1 + kOthers) * kRoundsOfOthers
-             : 6;
+  // Those beyond: of the first guess of the pad's modulus.
+  return (pad ? 2 : 0) + (all ? max_coarse_solves_of_reference(pad) + kCoarsePerSolve + 3 * kOthers +
+                                    (1 + kOthers) * kRoundsOfOthers
+                              : (pad ? 9 : 6));
 }
 
 std::array<int, 2> kind_of(const CandidateTissue& m) {
@@ -362,32 +381,6 @@ double apart(const CandidateTissue& a, const CandidateTissue& b) {
     return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
   };
   return std::max(of(&ProbeFace::elevation_m, kElevation), of(&ProbeFace::depth_m, kDepth));
-}
-
-void weigh_together(std::vector<WeighedTissues>& starts) {
-  using Models = std::vector<CandidateTissue*>;  // of one kind and start, the likeliest first
-  std::vector<Models> counted;
-  for (WeighedTissues& start : starts) {
-    std::map<std::array<int, 2>, Models> kinds;
-    for (CandidateTissue& m : start.models) kinds[kind_of(m)].push_back(&m);
-    for (auto& [kind, models] : kinds) {
-      std::ranges::sort(models, std::ranges::greater{}, &CandidateTissue::odds);
-      const auto twin = std::ranges::find_if(counted, [&](const Models& others) {
-        return kind_of(*others[0]) == kind &&
-               (models[0]->block || apart(*others[0], *models[0]) < kOtherLength);
-      });
-      if (twin == counted.end())
-        counted.push_back(models);
-      else if (models[0]->odds() > (*twin)[0]->odds())
-        *twin = models;
-    }
-  }
-  double best = -HUGE_VAL, sum = 0;
-  for (const Models& models : counted) best = std::max(best, models[0]->odds());
-  for (const Models& models : counted)
-    for (CandidateTissue* m : models) sum += m->weight = std::exp(m->odds() - best);
-  for (const Models& models : counted)
-    for (CandidateTissue* m : models) m->weight /= sum;
 }
 
 }  // namespace teletact::service

@@ -30,8 +30,12 @@ inline constexpr double kLeastWeight = 0.01;    // of a tissue that counts
 inline constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
 inline constexpr int kRoundsOfReference = 3;
 
-// Of CandidateTissue::fit; a block has the first two, what goes on the first four.
+// Of CandidateTissue::fit; a block has the first two, what goes on the first four. Those of a pad come last.
 enum FitColumns { kTilt, kGrading, kElevation, kDepth, kBeside };
+// Of a pad's thickness, which a block does not have; then that of its modulus.
+inline Eigen::Index pad_column(const RobustFit& fit) {
+  return fit.at.size() - 2;
+}
 
 // What is known of ln of a length beforehand.
 struct KnownLength {
@@ -83,6 +87,10 @@ struct TissueWindow {
   Eigen::VectorXd finer = {};
   ProbeFace face = {};  // of the reference, tissue that goes on
   Eigen::VectorXd by_tilt = {};
+  // Where the face has a pad: its thickness, and what that and ln of its modulus change.
+  KnownLength pad = {};
+  ByLength by_pad_thickness = {};
+  Eigen::VectorXd by_pad_modulus = {};
   SkinAnswer by_skin = {};  // where more than a level and a tilt is fitted
 };
 
@@ -137,8 +145,8 @@ class TissueWeigher {
 
   void begin();  // a fit: counts its solves, and forgets what was kept where it is much
   int coarse_solves() const { return coarse_solves_; }
-  static int max_coarse_solves(bool all);  // of reference() and weigh() together
-  static int max_coarse_solves_of_reference();
+  static int max_coarse_solves(bool all, bool pad);  // of reference() and weigh() together
+  static int max_coarse_solves_of_reference(bool pad);
   void forget() { answers_.clear(), fine_.reset(), solids_ = {}; }
 
  private:
@@ -165,7 +173,5 @@ class TissueWeigher {
 std::array<int, 2> kind_of(const CandidateTissue&);
 // Of the faces and depths that the fits of two lead to, of solids: how far ln of either differs.
 double apart(const CandidateTissue&, const CandidateTissue&);
-// Weights of all. A kind that two starts lead to the same face and depth counts once, as the likelier says.
-void weigh_together(std::vector<WeighedTissues>& starts);
 
 }  // namespace teletact::service

@@ -313,12 +313,13 @@ TEST(ProbeFit, CountsTheSameForAPairAsOftenAsItComes) {
       EXPECT_EQ(again.log_deviation[n], first.log_deviation[n]);
     }
   }
-  for (const bool depth : {false, true}) {
+  for (const auto& [depth, pad] : {std::pair(false, false), {true, false}, {false, true}}) {
     tissue.depth_stated = depth;
+    if (pad) tissue.pad = StandoffPad{0.007, 2 * kModulusPa, 0.0004, 0.1 * kModulusPa};
     const ModulusInput in{pressed.measured, kWidthM, tissue, std::nullopt, {}};
     ProbeFitter fitter(imaging_device()->queue(), {}, std::make_shared<StripCache>());
     EXPECT_LE(fitter.fit(in, 0, -1, FitEffort::kWeighed).solves,
-              ProbeFitter::max_solves(FitEffort::kWeighed));
+              ProbeFitter::max_solves(FitEffort::kWeighed, pad));
   }
 }
 

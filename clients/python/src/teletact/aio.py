@@ -207,7 +207,9 @@ class Service:
                        preload_m: float | None = None, preload_std_m: float | None = None,
                        surface: str | None = None, capsule_thickness_m: float | None = None,
                        capsule_ratio: float | None = None, capsule_thickness_std_m: float | None = None,
-                       capsule_ratio_std: float | None = None,
+                       capsule_ratio_std: float | None = None, pad_thickness_m: float | None = None,
+                       pad_youngs_modulus_pa: float | None = None, pad_thickness_std_m: float | None = None,
+                       pad_youngs_modulus_std_pa: float | None = None,
                        publish: str | None = None, window_x_m: float | None = None,
                        maps: Collection[str] | None = None,
                        timeout_s: float = 120.0) -> xr.Dataset:
@@ -215,7 +217,7 @@ class Service:
 
         ``pre``, ``post``: before and after a compression, shape (samples, lines), int16 or float; float64 is sent as
         float32. ``frame``: "probe" where the probe's face rests, "lab" where the far side does. With ``force_n``, the
-        change of the probe's force, and ``contact_area_m2`` the modulus is in Pa, else relative; each ``_std`` is the
+        change of the probe's force, and ``contact_area_m2``, or of a solid with a pad, the modulus is in Pa, else relative; each ``_std`` is the
         standard deviation of what it is named after. ``plane``: "solid", "strain" or "stress"; left out, "strain" of
         what is published and "solid" of what is not. ``surface``: of a solid, "unknown", "bare", "capsule" or
         "uneven". ``publish`` and ``window_x_m``: into which scene, and where the window's left border lies there.
@@ -236,7 +238,10 @@ class Service:
                    "tissue_width_std_m": tissue_width_std_m, "probe_elevation_std_m": probe_elevation_std_m,
                    "preload_m": preload_m, "preload_std_m": preload_std_m,
                    "capsule_thickness_m": capsule_thickness_m, "capsule_ratio": capsule_ratio,
-                   "capsule_thickness_std_m": capsule_thickness_std_m, "capsule_ratio_std": capsule_ratio_std}
+                   "capsule_thickness_std_m": capsule_thickness_std_m, "capsule_ratio_std": capsule_ratio_std,
+                   "pad_thickness_m": pad_thickness_m, "pad_youngs_modulus_pa": pad_youngs_modulus_pa,
+                   "pad_thickness_std_m": pad_thickness_std_m,
+                   "pad_youngs_modulus_std_pa": pad_youngs_modulus_std_pa}
         sensor = {"force_std_n": force_std_n, "contact_area_std_m2": contact_area_std_m2,
                   "force_zero_n": force_zero_n, "force_zero_std_n": force_zero_std_n, "force_gain": force_gain,
                   "force_gain_std": force_gain_std}

@@ -1,0 +1,103 @@
+// A stand-off pad of known modulus on the probe (T3.6).
+#include "service/imaging/modulus/pad.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "tests/imaging/modulus/pressed.h"
+
+namespace teletact::service {
+namespace {
+
+using test::face, test::kModulusPa, test::Pressed;
+
+constexpr double kPadM = 7e-3;
+
+StandoffPad pad(double modulus_pa, double thickness_m = kPadM) {
+  return {thickness_m, modulus_pa, 0.05 * thickness_m, 0.05 * modulus_pa};
+}
+
+// Of tissue under a pad of `ratio`, with or without the force.
+ModulusEstimate estimate(const Pressed& pressed, const StandoffPad& stated, bool force) {
+  TissueExtent tissue{0.1, test::kDepthM, 0.035, 0.49, Plane::kSolid, test::kElevationM};
+  tissue.probe_elevation_std_m = 0.03 * test::kElevationM, tissue.pad = stated;
+  return make_solid(imaging_device()->queue(), {})
+      ->estimate({pressed.measured, test::kWidthM, tissue, force ? pressed.force : std::nullopt});
+}
+
+Pressed under(double ratio) {
+  return Pressed(
+      face(), [](double, double) { return 1.0; },
+      [=](double, double y) { return y < kPadM ? std::log(ratio) : 0; });
+}
+
+TEST(Pad, TellsTheModulusOfWhatIsBelow) {
+  for (const double ratio : {0.4, 1.0, 2.0}) {
+    const Pressed pressed = under(ratio);
+    const ModulusEstimate e = estimate(pressed, pad(ratio * kModulusPa), false);
+    const double found = test::background(e, pressed.measured);
+    std::printf("pad of %.1f: %.0f Pa, deviation %.3f; %s\n", ratio, found, e.median_deviation,
+                e.model.c_str());
+    EXPECT_TRUE(e.absolute);
+    EXPECT_NEAR(found, kModulusPa, 0.08 * kModulusPa) << ratio;
+    EXPECT_LE(std::abs(std::log(found / kModulusPa)), 1.96 * e.log_deviation.back()) << ratio;
+    EXPECT_FALSE(test::warned(e, ModulusFlag::kElevation)) << ratio;
+    for (std::size_t n = 0; n < pressed.measured.grid.size(); ++n)
+      if (const double y_m = pressed.measured.grid.y_m(n); std::abs(y_m - kPadM) > 0.5e-3) {
+        EXPECT_EQ(std::isfinite(e.youngs_modulus[n]), y_m > kPadM) << y_m;
+      }
+  }
+}
+
+// Twice as stiff a pad is twice as stiff tissue, and its deviation is the tissue's.
+TEST(Pad, GivesTheScaleAndItsDeviation) {
+  const Pressed pressed = under(0.5);
+  StandoffPad known = pad(0.5 * kModulusPa);
+  const ModulusEstimate one = estimate(pressed, known, false);
+  known.youngs_modulus_pa *= 2, known.youngs_modulus_std_pa *= 8;
+  const ModulusEstimate two = estimate(pressed, known, false);
+  for (std::size_t n = 0; n < one.youngs_modulus.size(); ++n) {
+    if (std::abs(pressed.measured.grid.y_m(n) - 12.5e-3) > 2.5e-3)
+      continue;  // at the ends no strain tells it
+    EXPECT_NEAR(two.youngs_modulus[n], 2 * one.youngs_modulus[n], 1e-5 * two.youngs_modulus[n]);
+    EXPECT_NEAR(std::pow(two.log_deviation[n], 2) - std::pow(one.log_deviation[n], 2),
+                0.2 * 0.2 - 0.05 * 0.05, 2e-3);
+  }
+}
+
+TEST(Pad, IsContradictedByItsStrainAndByTheForce) {
+  const Pressed pressed = under(0.5);
+  // Thinner than is stated by five deviations; by the force, which gives the scale, three times as soft.
+  const ModulusEstimate thin = estimate(pressed, pad(0.5 * kModulusPa, 1.25 * kPadM), true);
+  EXPECT_TRUE(test::warned(thin, ModulusFlag::kElevation)) << thin.model;
+  EXPECT_FALSE(test::warned(thin, ModulusFlag::kScale));
+  const ModulusEstimate soft = estimate(pressed, pad(1.5 * kModulusPa), true);
+  EXPECT_TRUE(test::warned(soft, ModulusFlag::kScale)) << soft.model;
+  EXPECT_NEAR(test::background(soft, pressed.measured), kModulusPa, 0.1 * kModulusPa);
+}
+
+// Whose echo is silent tells nothing, and what is not strained below neither.
+TEST(Pad, WithoutStrainIsRefused) {
+  for (const bool in_it : {true, false}) {
+    Pressed pressed = under(0.5);
+    for (std::size_t n = 0; n < pressed.measured.grid.size(); ++n)
+      if ((pressed.measured.grid.y_m(n) < kPadM) == in_it && pressed.measured.grid.y_m(n) > 3e-3)
+        pressed.measured.strain_valid[n] = 0;
+    try {
+      estimate(pressed, pad(0.5 * kModulusPa), false);
+      ADD_FAILURE() << "in the pad: " << in_it;
+    } catch (const std::invalid_argument& error) {
+      EXPECT_NE(std::string(error.what()).find(in_it ? "tracked in a pad" : "tracked below a pad"),
+                std::string::npos)
+          << error.what();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace teletact::service
