@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 namespace teletact::bench {
 namespace {
@@ -24,8 +25,10 @@ Hexahedra mesh_of(const Block& block) {
   const auto into = [&](double y) {
     return size(kGrowthInto * y, y - block.sphere_depth_m, y < .6 * block.depth_m ? kUnderFace : kDeep);
   };
+  std::vector<double> layers{0, block.depth_m};
+  if (block.pad_m > 0) layers.insert(layers.begin() + 1, block.pad_m);
   return Hexahedra({graded_lines({0, x_edge, block.width_m / 2}, along(x_edge, kUnderFace)),
-                    graded_lines({0, block.depth_m}, into),
+                    graded_lines(layers, into),
                     graded_lines({0, z_edge, block.across_m / 2}, along(z_edge, kFar))});
 }
 
@@ -33,7 +36,7 @@ Hexahedra mesh_of(const Block& block) {
 
 double Block::true_modulus(double x_m, double y_m, double z_m) const {
   const bool inside = std::hypot(x_m, y_m - sphere_depth_m, z_m) < sphere_m / 2;
-  return modulus_pa * (inside ? contrast : 1);
+  return modulus_pa * (inside ? contrast : y_m < pad_m ? pad_contrast : 1);
 }
 
 PressedBlock::PressedBlock(const Block& block) : block_(block), mesh_(mesh_of(block)) {

@@ -1,6 +1,9 @@
 // Rows whose tissue and RF are made by nothing that the project's own patient has.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <memory>
+#include <random>
 #include <utility>
 
 #include "bench/basics/clock.h"
@@ -10,6 +13,8 @@
 
 namespace teletact::bench {
 namespace {
+
+constexpr double kPadKnown = .05, kFaceKnown = .03;  // standard deviations
 
 // Of each block that was asked for.
 using Solved = std::vector<std::pair<Block, std::shared_ptr<const PressedBlock>>>;
@@ -36,6 +41,13 @@ Window window_of(const Block& block, const PlaneWaves& waves, Solved& solved, st
   w.force = {of->force_n(), block.face_width_m * block.face_across_m};
   const double width_m = waves.pitch_m * static_cast<double>(waves.elements), middle_m = width_m / 2;
   w.extent = {width_m, block.depth_m, 0, block.poisson_ratio, service::Plane::kSolid, block.face_across_m};
+  if (block.pad_m > 0) {  // in the force's place
+    std::mt19937_64 random(seed);
+    const double pad_pa = block.pad_contrast * block.modulus_pa,
+                 known_pa = pad_pa * (1 + kPadKnown * std::normal_distribution<double>()(random));
+    w.extent.pad = {block.pad_m, known_pa, kPadKnown * block.pad_m, kPadKnown * pad_pa};
+    w.extent.probe_elevation_std_m = kFaceKnown * block.face_across_m;
+  }
   const double deeper = waves.speed_m_s / waves.stated_speed_m_s;  // than it looks
   if (block.contrast != 1)
     w.lumps = {{middle_m, block.sphere_depth_m / deeper, block.sphere_m, block.contrast, true}};
@@ -55,7 +67,9 @@ std::vector<RealRow> independent_rows() {
     block.contrast = contrast;
     rows.push_back({"independent: " + name, contrast, quick,
                     [=](std::uint64_t seed, double) { return window_of(block, waves, *solved, seed); },
-                    block.width_m < Block().width_m ? Truth::kIndependentBeside : Truth::kIndependent});
+                    block.pad_m > 0                   ? Truth::kUnderPad
+                    : block.width_m < Block().width_m ? Truth::kIndependentBeside
+                                                      : Truth::kIndependent});
   };
   Block wide, near, nearer, sliding, near_sliding, tilted;
   near.width_m = .080, near.across_m = .060;
@@ -73,6 +87,11 @@ std::vector<RealRow> independent_rows() {
   add("ends 21 mm beside the face", 3, true, near);
   add("ends 11 mm beside the face", 1, false, nearer);
   add("ends 11 mm beside the face", 3, false, nearer);
+  for (const double contrast : {.5, 2.}) {
+    Block padded = sliding;
+    padded.pad_m = .008, padded.pad_contrast = contrast;
+    add(fmt::format("no force, pad of {:.0f} kPa", 1e-3 * contrast * padded.modulus_pa), 1, false, padded);
+  }
   add("wide, sliding face", 3, false, sliding);
   add("ends 21 mm beside the face, which slides", 1, false, near_sliding);
   add("wide, 0.5 dB/cm/MHz", 3, false, wide, attenuated);

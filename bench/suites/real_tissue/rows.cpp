@@ -98,23 +98,6 @@ Window window_of(const client::Tissue& t, std::uint64_t seed, double spacing_m) 
   return w;
 }
 
-// A layer that the patient has as a capsule, as its modulus is known: to 5 %. It takes the force's place.
-Window window_under_pad(double contrast, std::uint64_t seed, double spacing_m) {
-  constexpr double kThicknessM = 0.008, kRatio = 2, kKnown = 0.05, kElevationStdM = 0.0003;
-  double off = 0;
-  const Set padded = [&](Tissue& t, const Draw& draw) {
-    t.solid->capsule_m = kThicknessM, t.solid->capsule_contrast = kRatio;
-    for (client::Inclusion& i : t.inclusions) i.y_m += kThicknessM;
-    off = kKnown * gaussian(draw);
-  };
-  const Tissue t = tissue_of(padded, contrast, seed);
-  Window w = window_of(t, seed, spacing_m);
-  const double pad_pa = kRatio * t.youngs_modulus_pa;
-  w.extent.pad = {kThicknessM, (1 + off) * pad_pa, kKnown * kThicknessM, kKnown * pad_pa};
-  w.extent.probe_elevation_m = t.probe.elevation_m, w.extent.probe_elevation_std_m = kElevationStdM;
-  return w;
-}
-
 }  // namespace
 
 std::vector<RealRow> patient_rows() {
@@ -131,10 +114,6 @@ std::vector<RealRow> patient_rows() {
   };
   const Set nothing = [](Tissue&, const Draw&) {};
   add("no lump", 1, true, nothing);
-  for (const double contrast : {1., 3.})
-    rows.push_back(
-        {"no force, pad of 8 mm and 20 kPa", contrast, contrast == 1,
-         [=](std::uint64_t seed, double spacing_m) { return window_under_pad(contrast, seed, spacing_m); }});
   add("no lump, capsule 2 mm", 1, true, solid([](auto& s) { s.capsule_m = .002, s.capsule_contrast = 3; }));
   row("sphere", nothing);
   row("cylinder", cylinder);
