@@ -215,7 +215,7 @@ nlohmann::json summary_json(const v1::Acquisition& acquisition, const EstimateOu
         {"correlation_m", summary.youngs_modulus_correlation_m()},
         {"log_std", summary.youngs_modulus_log_std()},
         {"common_log_std", summary.youngs_modulus_common_log_std()},
-        {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: no force was given)"},
+        {"unit", summary.modulus_absolute() ? "Pa" : "1 (relative: neither force nor pad was given)"},
         {"method", name_of(summary.modulus_method())},
         {"asked_for", asked_for(modulus_methods(), acquisition.modulus_method())},
         {"time_limit_s", acquisition.modulus_time_limit_s()},

@@ -117,7 +117,7 @@ std::string modulus_doubt(double background_pa) {
   if (!stiff && !(background_pa < kSoftestPa)) return "";
   return fmt::format(
       "background {}: no soft tissue is that {}; is --force-n in newtons, and --contact-area-m2 in square "
-      "metres (1 cm^2 is 1e-4)?",
+      "metres (1 cm^2 is 1e-4), or a pad's modulus in pascals?",
       stiff ? fmt::format("{:.0f} kPa", 1e-3 * background_pa) : fmt::format("{:.3g} Pa", background_pa),
       stiff ? "stiff" : "soft");
 }

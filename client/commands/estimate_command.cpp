@@ -81,7 +81,7 @@ void print(const v1::Acquisition& acquisition, const EstimateOutcome& outcome) {
                 background_of(summary.background_modulus_pa(), summary.youngs_modulus_log_std()).c_str(),
                 tissue_extent(acquisition).width_assumed ? " (tissue as wide as the frame: assumed)" : "");
   else
-    std::printf("modulus relative to its median (no force given)\n");
+    std::printf("modulus relative to its median (neither force nor pad given)\n");
   std::printf("modulus method: %s%s%s\n", name_of(summary.modulus_method()).c_str(),
               summary.modulus_model().empty() ? "" : "; ", summary.modulus_model().c_str());
 }
@@ -242,10 +242,10 @@ void add_usual_options(CLI::App& command, RecordedSetOptions& set) {
       ->transform(CLI::IsMember({"LAB", "PROBE"}, CLI::ignore_case));
   CLI::Option* force = command.add_option(
       "--force-n", set.force_n,
-      "resisting force on the probe, change between pre and post, of each pair or of all; without it the "
-      "modulus is relative, with it in Pa");
+      "resisting force on the probe, change between pre and post, of each pair or of all; without it and "
+      "--pad-thickness-m the modulus is relative, with it in Pa");
   CLI::Option* area = command.add_option("--contact-area-m2", frames.contact_area_m2,
-                                         "of the probe; without it the modulus is relative");
+                                         "of the probe, with --force-n; without it that is refused");
   force->needs(area);
   area->needs(force);
   command

@@ -34,7 +34,9 @@ MapNodes nodes_of(const v1::Grid& grid) {
 double shared_deviation(const EstimatedPair& pair) {
   const v1::ProbeForce& force = pair.acquisition.probe_force();
   const double common = pair.outcome.summary.youngs_modulus_common_log_std(),
-               noise = common > 0 ? force.force_std_n() / (force.force_n() - force.force_zero_n()) : 0;
+               noise = common > 0 && pair.acquisition.has_probe_force()
+                           ? force.force_std_n() / (force.force_n() - force.force_zero_n())
+                           : 0;
   return std::sqrt(std::max(0.0, common * common - noise * noise));
 }
 

@@ -229,10 +229,12 @@ void settle_pad(EstimateRequest& r) {
         "at the face; give plane = SOLID without publish and slice_of, or leave it out");
   if (r.tissue.surface.kind != Surface::Kind::kUnknown)
     throw std::invalid_argument("acquisition.surface: under a pad its strain is measured; leave it out");
-  const double imaged_m =
+  const double frame_end_m =
       r.geometry.first_sample_depth_m + r.geometry.sample_pitch_m() * static_cast<double>(r.sample_count);
-  require_between("acquisition.pad_thickness_m", pad.thickness_m, kMinThicknessM, imaged_m / 2,
-                  "the strain in the pad and below it tells the modulus");
+  const double most_m = std::min(frame_end_m, r.tissue.depth_m) / 2;
+  require_between("acquisition.pad_thickness_m", pad.thickness_m, kMinThicknessM,
+                  std::max(kMinThicknessM, most_m),
+                  "the strain in the pad, and below it in as much tissue, tells the modulus");
   require_between("acquisition.pad_youngs_modulus_pa", pad.youngs_modulus_pa, kMinModulusPa, kMaxModulusPa,
                   "give the pad's Young's modulus in pascals");
   check_deviation("pad_thickness_std_m", pad.thickness_std_m, pad.thickness_m, "5 % of it");

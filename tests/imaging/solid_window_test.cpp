@@ -47,7 +47,7 @@ struct Asked {
   Plane plane = Plane::kSolid;
   bool force = true, depth = true;
   int solves = ModulusBudget::kAll;
-  double stated_depth_m = 0.040, elevation_m = 0;
+  double stated_depth_m = 0.040, elevation_m = 0, elevation_std_m = 0;
   std::optional<StandoffPad> pad = {};
 };
 
@@ -70,7 +70,7 @@ class Window {
     g.line_pitch_m = rf_.geometry.line_pitch_m;
     TissueExtent extent{tissue_.width_m, asked.stated_depth_m, left_m_, tissue_.poisson_ratio, asked.plane};
     extent.depth_stated = asked.depth, extent.probe_elevation_m = asked.elevation_m;
-    extent.pad = asked.pad;
+    extent.probe_elevation_std_m = asked.elevation_std_m, extent.pad = asked.pad;
     std::optional<ProbeForce> force;
     if (asked.force) force = ProbeForce{probe_.force_n, probe_.contact_area_m2};
     const ModulusBudget budget{.solves = asked.solves, .why_solves = "0.10 s are left"};
@@ -404,7 +404,7 @@ TEST(SolidWindow, APadTakesTheForcesPlace) {
   solid.capsule_m = kPadM, solid.capsule_contrast = kRatio;
   const Window window(tissue(solid));
   Asked asked;
-  asked.force = false, asked.elevation_m = kElevationM;
+  asked.force = false, asked.elevation_m = kElevationM, asked.elevation_std_m = 0.03 * kElevationM;
   asked.pad = StandoffPad{1.1 * kPadM, kRatio * kBackgroundPa, 0.1 * kPadM, 0.05 * kRatio * kBackgroundPa};
   const Estimate e = window.estimate(asked);
   const auto below = [](double, double y) { return y > kPadM + 0.002 && y < 0.037; };

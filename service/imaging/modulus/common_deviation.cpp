@@ -82,7 +82,8 @@ double common_deviation(const ModulusInput& in, StripCache& strips, const Modulu
   if (!out.absolute) return 0;
   const double by_c =
       in.sound_speed_deviation > 0 ? in.sound_speed_deviation * sound_speed_slope(in, out) : 0;
-  if (!in.force) return by_c;  // by a pad, beside whose strain nu counts for nothing
+  if (!in.force)  // by a pad, beside whose strain nu counts for nothing
+    return std::hypot(by_c, in.tissue.pad->youngs_modulus_std_pa / in.tissue.pad->youngs_modulus_pa);
   return std::hypot(in.force->deviation(), tissue_deviation(in, strips, out), by_c);
 }
 

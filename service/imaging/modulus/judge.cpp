@@ -292,7 +292,7 @@ struct Part {
 };
 
 const char* words_of(ModulusFlag cause, bool stated) {
-  if (stated) return ": that is what the stated deviations of force, area and tissue leave open";
+  if (stated) return ": that is what the stated deviations of force, area, pad and tissue leave open";
   if (cause == ModulusFlag::kNoise) return ": the strain is noisy; press further between the frames";
   if (cause == ModulusFlag::kUnstated)
     return ": that is what the probe's elevation or the tissue's depth, which were not stated, or not well, "

@@ -127,7 +127,7 @@ std::optional<ProbeFace> ProbeFitter::far_from_stated(const TissueWindow& stated
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign, FitEffort effort) {
   weigher_.begin();
   const Measured& measured = in.measured;
-  const double top_m = top_of(measured), depth_m = in.tissue.depth_m - top_m;
+  const double top_m = in.tissue.pad ? 0 : top_of(measured), depth_m = in.tissue.depth_m - top_m;
   if (!(depth_m > 0))
     throw std::invalid_argument(
         fmt::format("tissue_depth_m: the tissue ends {:.1f} mm deep, but nothing was tracked above {:.1f} mm",
@@ -138,7 +138,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
                  depth_known(in.tissue, depth_m, image_m)};
   if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
   const double pad_m = in.tissue.pad ? in.tissue.pad->thickness_m : 0;
-  if (pad_m > 0) w.pad = pad_known(*in.tissue.pad);
+  if (pad_m > 0) w.pad = pad_known(*in.tissue.pad, image_m);
   double pad_log = 0;
   const auto usual = [&](const TissueWindow& of) {
     ProbeFace face{in.window_width_m, std::exp(of.elevation.log), std::exp(of.depth.log), image_m,
@@ -152,7 +152,8 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   w.places = w.cells.spacing_m * w.cells.row_m / kAlikeM2;
   leave_out(first.log_strain, w.cells, pad_m, 0, w.measured.observed);
   if (pad_m > 0)
-    pad_log = first_pad_log(first.log_strain, w.measured.log_strain, w.measured.observed, w.cells, pad_m);
+    w.pad_log = pad_log =
+        first_pad_log(first.log_strain, w.measured.log_strain, w.measured.observed, w.cells, pad_m);
   w.of_depth.resize(first.log_strain.size());
   for (std::size_t c = 0; c < w.cells.size(); ++c)
     w.of_depth[static_cast<Index>(c)] = w.cells.y_m(c) < pad_m ? 0 : w.cells.y_m(c) / image_m - 0.5;
@@ -245,9 +246,9 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
                                : weigher_.solid(out.face, kFineCellM);
   const CellGrid& cells = out.tissue->cells();
   const auto in_cells = [&](const VectorXd& coarse) { return sampled(coarse, w.cells, cells); };
-  out.measured = cell_strains(in.measured, cells, top_of(in.measured), sign);
   // What lies under a pad has no skin: its strain is measured.
   const bool pad = out.face.pad_m > 0, by_pad = pad && !in.force;
+  out.measured = cell_strains(in.measured, cells, pad ? 0 : top_of(in.measured), sign);
   const VectorXd of_pad = pad_cells(out.face, cells);
   leave_out(in_cells(likeliest.answer->log_strain) + of_pad, cells, out.face.pad_m, kPadEdgeM,
             out.measured.observed);
@@ -337,7 +338,7 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
             in_cells(of_modulus(m.by_depth.strain, m.by_depth.force))};
     if (!m.block && all && m.by_beside.size())
       by.push_back(in_cells(of_modulus(m.by_beside, m.force_by_beside)));
-    if (!m.block && all && pad)
+    if (!m.block && pad)
       by.push_back(in_cells(of_modulus(about.by_pad_thickness.strain, about.by_pad_thickness.force)));
     const auto lengths = std::ssize(by), count = lengths + static_cast<Index>(skins);
     for (std::size_t k = 0; k < skins; ++k) {
@@ -353,8 +354,8 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
         covariance.topLeftCorner(lengths, lengths) =
             m.fit.covariance.block(kElevation, kElevation, lengths, lengths);
       else if (!m.block)
-        covariance(0, 0) = squared(about.elevation.deviation),
-                      covariance(1, 1) = squared(about.depth.deviation);
+        for (Index k = 0; const KnownLength* known : {&about.elevation, &about.depth, &about.pad})
+          if (k < lengths) covariance(k, k) = squared(known->deviation), ++k;
       for (Index k = 0; k < count - lengths; ++k)
         covariance(lengths + k, lengths + k) = squared(about.skin.deviation[static_cast<std::size_t>(k)]);
     }
@@ -365,9 +366,12 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
       own.push_back(std::sqrt(share) * change);
     }
   });
-  if (by_pad)  // what its own strain is off by, in the mean
-    own.push_back(VectorXd::Constant(static_cast<Index>(cells.size()),
-                                     likeliest.fit.rest / std::sqrt(std::max(1.0, w.places * beside.sum()))));
+  if (by_pad) {  // what its own strain is off by, in the mean
+    const double noise = std::sqrt(beside.dot(w.measured.deviation.cwiseAbs2()) / beside.sum());
+    own.push_back(VectorXd::Constant(
+        static_cast<Index>(cells.size()),
+        std::hypot(likeliest.fit.rest, noise) / std::sqrt(std::max(1.0, w.places * beside.sum()))));
+  }
   out.changes = principal(columns_of(own), kMostChanges);
   out.common_log = kCommonLog;
   const double grading = all ? likeliest.fit.at[kGrading] : 0;

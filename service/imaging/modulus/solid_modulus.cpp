@@ -14,6 +14,7 @@
 #include "service/imaging/modulus/judge.h"
 #include "service/imaging/modulus/modulus.h"
 #include "service/imaging/modulus/one_slice.h"
+#include "service/imaging/modulus/pad.h"
 #include "service/imaging/modulus/probe_fit.h"
 #include "service/imaging/modulus/probed_tissue.h"
 #include "service/imaging/modulus/robust_fit.h"
@@ -106,8 +107,8 @@ class SolidModulusMethod : public ModulusMethod {
                "neither solid tissue nor a block explains the strain: {:.0f} % of it is left where it looks "
                "homogeneous; check the probe's size and the tissue's depth and support",
                100 * fit.rest);
-    const Found found = find(in, fit, beside, steps, out);
-    const double log_scale = scale(in, found, out);
+    Found found = find(in, fit, beside, steps, out);
+    const double log_scale = scale(in, fit, found, out);
     publish(in, fit, found, log_scale, out);
     // Of a strain that is not explained others are told nothing.
     if (!fit.unweighed && std::ranges::none_of(out.warnings, [](const Warning& w) {
@@ -212,8 +213,8 @@ class SolidModulusMethod : public ModulusMethod {
       VectorXd denoised = denoise(pseudo, observed / kOverstep, start);
       if (!(fit.face.beside_m > 0) || fit.face.slides) hold_columns(denoised, cells);
       if (pad > 0) {  // all of it is alike
-        const VectorXd told = (observed.head(pad).array() > 0).cast<double>();
-        denoised.head(pad).setConstant(told.dot(pseudo.head(pad)) / std::max(1.0, told.sum()));
+        const auto told = observed.head(pad);
+        if (told.sum() > 0) denoised.head(pad).setConstant(told.dot(pseudo.head(pad)) / told.sum());
       }
       moved = denoised - theta;
       const double change = std::sqrt(moved.squaredNorm() / static_cast<double>(size));
@@ -299,9 +300,6 @@ class SolidModulusMethod : public ModulusMethod {
     found.modes.insert(found.modes.end(), fit.between_modes.begin(), fit.between_modes.end());
     found.modes.push_back(VectorXd::Constant(size, fit.common_log));
     found.modes.push_back(of_tilt * fit.by_tilt);
-    if (in.tissue.pad && !in.force)
-      found.modes.push_back(
-          VectorXd::Constant(size, in.tissue.pad->youngs_modulus_std_pa / in.tissue.pad->youngs_modulus_pa));
     for (Index c = 0; c < size; ++c) {
       double own = c < top ? squared(of_top)
                            : std::pow(found.own_deviation[c], 2) + std::pow(one_slice * theta[c], 2),
@@ -317,24 +315,32 @@ class SolidModulusMethod : public ModulusMethod {
     out.correlation_m = correlation_with_common(kCorrelationM, all_own, all_common);
     found.pad_log = theta[0] + fit.face.pad_log;
     theta += fit.shift + fit.above;
+    if (pad > 0) {
+      end_at_pad(theta, cells, fit.face.pad_m), end_at_pad(found.own_deviation, cells, fit.face.pad_m);
+      for (VectorXd& mode : found.modes) end_at_pad(mode, cells, fit.face.pad_m);
+    }
     return found;
   }
 
-  // ln of what the map is to be multiplied with: by the force, else by the pad.
-  static double scale(const ModulusInput& in, const Found& found, ModulusEstimate& out) {
+  // ln of what the map is to be multiplied with: by the force, else by the pad. Where they contradict each
+  // other the modulus may be the other's.
+  static double scale(const ModulusInput& in, const ProbeFit& fit, Found& found, ModulusEstimate& out) {
     const double by_force = in.force ? std::log(in.force->force_n / found.force_n) : 0;
     if (!in.tissue.pad) return by_force;
     const StandoffPad& pad = *in.tissue.pad;
-    const double by_pad = std::log(pad.youngs_modulus_pa) - found.pad_log;
+    const double by_pad = std::log(pad.youngs_modulus_pa) - found.pad_log, apart = by_force - by_pad;
     if (!in.force) return by_pad;
-    const double open = std::hypot(in.force->deviation(), pad.youngs_modulus_std_pa / pad.youngs_modulus_pa,
-                                   std::hypot(out.model_deviation, out.unstated_deviation));
-    if (std::abs(by_force - by_pad) > kContradictedScale * open)
+    const double stated =
+                     std::hypot(in.force->deviation(), pad.youngs_modulus_std_pa / pad.youngs_modulus_pa),
+                 open = std::hypot(out.model_deviation, out.unstated_deviation, fit.common_log);
+    if (std::abs(apart) > kContradictedScale * std::hypot(stated, open)) {
       out.warn(
           ModulusFlag::kScale,
           "by the force the pad has a modulus of {:.3g} kPa, but it is stated as {:.3g}: check the force and "
           "the pad",
           1e-3 * std::exp(by_force + found.pad_log), 1e-3 * pad.youngs_modulus_pa);
+      found.modes.push_back(VectorXd::Constant(found.log_modulus.size(), apart));
+    }
     return by_force;
   }
 

@@ -11,7 +11,7 @@
 namespace teletact::service {
 
 // Force sensor of the probe: resisting force (N, > 0 in compression) over the probe's contact area. Absent:
-// the modulus is relative (T3).
+// the modulus is relative (T3), or a pad's.
 struct ProbeForce {
   double force_n = 0;
   double contact_area_m2 = 0;

@@ -154,7 +154,7 @@ std::vector<FitColumn> columns_of(const TissueWindow& w, const CandidateTissue& 
     if (!m.block && !w.as_stated)
       columns.push_back({-w.by_pad_thickness.strain, w.pad.log - std::log(m.face.pad_m), w.pad.deviation,
                          w.pad.stated, kLinear});
-    columns.push_back({-w.by_pad_modulus, 0, kUsualPad, false});
+    columns.push_back({-w.by_pad_modulus, w.pad_log - m.face.pad_log, kUsualPad, false});
   }
   return columns;
 }
@@ -186,7 +186,7 @@ void TissueWeigher::settle(const TissueWindow& w, CandidateTissue& m, int rounds
     face.depth_m = moved(w.depth, face.depth_m, m.fit.at[kDepth]);
     if (face.pad_m > 0) {
       face.pad_m = moved(w.pad, face.pad_m, m.fit.at[pad_column(m.fit)]);
-      face.pad_log += m.fit.at[pad_column(m.fit) + 1];
+      face.pad_log = std::clamp(face.pad_log + m.fit.at[pad_column(m.fit) + 1], -kMostPadLog, kMostPadLog);
     }
     if (m.by_beside.size())
       face.beside_m = std::clamp(face.beside_m + m.step_m * m.fit.at[kBeside],

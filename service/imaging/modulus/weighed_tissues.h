@@ -29,10 +29,11 @@ inline constexpr double kOtherLength = 0.25;    // of ln of depth or elevation: 
 inline constexpr double kLeastWeight = 0.01;    // of a tissue that counts
 inline constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
 inline constexpr int kRoundsOfReference = 3;
+inline constexpr double kMostPadLog = 3;  // of ln of a pad's modulus over the tissue's
 
 // Of CandidateTissue::fit; a block has the first two, what goes on the first four. Those of a pad come last.
 enum FitColumns { kTilt, kGrading, kElevation, kDepth, kBeside };
-// Of a pad's thickness, which a block does not have; then that of its modulus.
+// Of a pad's thickness, which neither a block nor a fit as stated has; then that of its modulus.
 inline Eigen::Index pad_column(const RobustFit& fit) {
   return fit.at.size() - 2;
 }
@@ -87,8 +88,10 @@ struct TissueWindow {
   Eigen::VectorXd finer = {};
   ProbeFace face = {};  // of the reference, tissue that goes on
   Eigen::VectorXd by_tilt = {};
-  // Where the face has a pad: its thickness, and what that and ln of its modulus change.
+  // Where the face has a pad: its thickness, ln of its modulus over the tissue's, about, and what both
+  // change.
   KnownLength pad = {};
+  double pad_log = 0;
   ByLength by_pad_thickness = {};
   Eigen::VectorXd by_pad_modulus = {};
   SkinAnswer by_skin = {};  // where more than a level and a tilt is fitted

@@ -8,7 +8,9 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
+#include "service/imaging/modulus/judge.h"
 #include "tests/imaging/modulus/pressed.h"
 
 namespace teletact::service {
@@ -23,11 +25,16 @@ StandoffPad pad(double modulus_pa, double thickness_m = kPadM) {
 }
 
 // Of tissue under a pad of `ratio`, with or without the force.
-ModulusEstimate estimate(const Pressed& pressed, const StandoffPad& stated, bool force) {
+ModulusEstimate estimate(const Pressed& pressed, const StandoffPad& stated, bool force,
+                         const ModulusBudget& budget = {}) {
   TissueExtent tissue{0.1, test::kDepthM, 0.035, 0.49, Plane::kSolid, test::kElevationM};
   tissue.probe_elevation_std_m = 0.03 * test::kElevationM, tissue.pad = stated;
-  return make_solid(imaging_device()->queue(), {})
-      ->estimate({pressed.measured, test::kWidthM, tissue, force ? pressed.force : std::nullopt});
+  const ModulusInput in{
+      pressed.measured, test::kWidthM, tissue, force ? pressed.force : std::nullopt, {}, budget};
+  ModulusEstimate out = make_solid(imaging_device()->queue(), {})->estimate(in);
+  StripCache strips;
+  judge(in, strips, out);
+  return out;
 }
 
 Pressed under(double ratio) {
@@ -45,7 +52,7 @@ TEST(Pad, TellsTheModulusOfWhatIsBelow) {
                 e.model.c_str());
     EXPECT_TRUE(e.absolute);
     EXPECT_NEAR(found, kModulusPa, 0.08 * kModulusPa) << ratio;
-    EXPECT_LE(std::abs(std::log(found / kModulusPa)), 1.96 * e.log_deviation.back()) << ratio;
+    EXPECT_LE(std::abs(std::log(found / kModulusPa)), 1.96 * e.median_deviation) << ratio;
     EXPECT_FALSE(test::warned(e, ModulusFlag::kElevation)) << ratio;
     for (std::size_t n = 0; n < pressed.measured.grid.size(); ++n)
       if (const double y_m = pressed.measured.grid.y_m(n); std::abs(y_m - kPadM) > 0.5e-3) {
@@ -81,20 +88,47 @@ TEST(Pad, IsContradictedByItsStrainAndByTheForce) {
   EXPECT_NEAR(test::background(soft, pressed.measured), kModulusPa, 0.1 * kModulusPa);
 }
 
-// Whose echo is silent tells nothing, and what is not strained below neither.
+// Without time for other tissue what is stated of it is as open as it is stated.
+TEST(Pad, OfAnUnknownThicknessIsUncertainWithoutTimeToo) {
+  const Pressed pressed = under(2);
+  StandoffPad known = pad(2 * kModulusPa);
+  const double well = estimate(pressed, known, false, {.solves = 10}).median_deviation;
+  known.thickness_std_m = 0.3 * kPadM;
+  EXPECT_GT(estimate(pressed, known, false, {.solves = 10}).median_deviation, well + 0.01);
+}
+
+// Whose echo is silent tells nothing, as a pad that is thinner than is stated; nor what is not strained below
+// it.
 TEST(Pad, WithoutStrainIsRefused) {
-  for (const bool in_it : {true, false}) {
+  using Silent = bool (*)(double y_m);
+  for (const auto& [silent, said] :
+       {std::pair<Silent, const char*>([](double y_m) { return y_m < kPadM; }, "tracked in a pad"),
+        {[](double y_m) { return y_m < kPadM && y_m > 3e-3; }, "tracked in a pad"},
+        {[](double y_m) { return y_m > kPadM; }, "tracked below a pad"}}) {
     Pressed pressed = under(0.5);
     for (std::size_t n = 0; n < pressed.measured.grid.size(); ++n)
-      if ((pressed.measured.grid.y_m(n) < kPadM) == in_it && pressed.measured.grid.y_m(n) > 3e-3)
-        pressed.measured.strain_valid[n] = 0;
+      if (silent(pressed.measured.grid.y_m(n))) pressed.measured.strain_valid[n] = 0;
     try {
       estimate(pressed, pad(0.5 * kModulusPa), false);
-      ADD_FAILURE() << "in the pad: " << in_it;
+      ADD_FAILURE() << said;
     } catch (const std::invalid_argument& error) {
-      EXPECT_NE(std::string(error.what()).find(in_it ? "tracked in a pad" : "tracked below a pad"),
-                std::string::npos)
-          << error.what();
+      EXPECT_NE(std::string(error.what()).find(said), std::string::npos) << error.what();
+    }
+  }
+}
+
+// Thicker or thinner than it is stated by as much as it may be: a map or a refusal, of finite numbers.
+TEST(Pad, ThatIsStatedWronglyStaysWithinTheImage) {
+  for (const double stated_m : {5e-3, 10e-3}) {
+    const Pressed pressed = under(0.3);
+    StandoffPad wrong = pad(0.3 * kModulusPa, stated_m);
+    wrong.thickness_std_m = 0.9 * stated_m;
+    try {
+      const ModulusEstimate e = estimate(pressed, wrong, false);
+      EXPECT_TRUE(std::isfinite(e.median_deviation)) << stated_m;
+      EXPECT_GT(e.background, 0) << stated_m;
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).find("pad_thickness_m"), 0U) << error.what();
     }
   }
 }

@@ -217,9 +217,9 @@ class Service:
 
         ``pre``, ``post``: before and after a compression, shape (samples, lines), int16 or float; float64 is sent as
         float32. ``frame``: "probe" where the probe's face rests, "lab" where the far side does. With ``force_n``, the
-        change of the probe's force, and ``contact_area_m2``, or of a solid with a pad, the modulus is in Pa, else relative; each ``_std`` is the
-        standard deviation of what it is named after. ``plane``: "solid", "strain" or "stress"; left out, "strain" of
-        what is published and "solid" of what is not. ``surface``: of a solid, "unknown", "bare", "capsule" or
+        change of the probe's force, and ``contact_area_m2``, or with a pad on a solid, the modulus is in Pa, else
+        relative; each ``_std`` is the standard deviation of what it is named after. ``plane``: "solid", "strain" or
+        "stress"; left out, "strain" of what is published and "solid" of what is not. ``surface``: of a solid, "unknown", "bare", "capsule" or
         "uneven". ``publish`` and ``window_x_m``: into which scene, and where the window's left border lies there.
         ``maps``: names (all).
 
