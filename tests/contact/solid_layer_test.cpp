@@ -198,8 +198,9 @@ TEST(SolidLayer, WhereTheNodesHaveNoContactItSaysWhatIsLeft) {
   const auto layer = hard.layer({}, way(), {});
   for (const double deep_m : {0.001, 0.002, 0.003, 0.004}) {
     const TouchPose pose{{0.032, deep_m, 0.032}};
-    if (const auto job = layer->wanted(kTip, pose, 0))
+    if (const auto job = layer->wanted(kTip, pose, 0)) {
       EXPECT_NO_THROW(job->work(TouchedLayer::Clock::now() + choices::kLongestSolve)) << deep_m;
+    }
     EXPECT_LT(layer->answer(kTip, pose).force_n[1], 0) << deep_m;
   }
 }
