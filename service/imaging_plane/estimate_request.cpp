@@ -224,9 +224,8 @@ void settle_pad(EstimateRequest& r) {
   StandoffPad& pad = *r.tissue.pad;
   if (r.tissue.plane != Plane::kSolid || r.scene || r.slice_of)
     throw std::invalid_argument(
-        "acquisition.pad_thickness_m: a pad is of an estimate of solid tissue alone, since a scene's tissue "
-        "begins "
-        "at the face; give plane = SOLID without publish and slice_of, or leave it out");
+        "acquisition.pad_thickness_m: a pad is of solid tissue that is no scene's, which begins at the face; "
+        "give plane = SOLID without publish and slice_of, or leave it out");
   if (r.tissue.surface.kind != Surface::Kind::kUnknown)
     throw std::invalid_argument("acquisition.surface: under a pad its strain is measured; leave it out");
   const double frame_end_m =

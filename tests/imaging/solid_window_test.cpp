@@ -1,5 +1,6 @@
 // Windows of solid tissue under a narrow probe: truth and RF come from the patient's own finite elements in
-// three dimensions, with sides, supports and friction that the estimate does not have.
+// three dimensions, with sides, supports and friction that the estimate does not have. One file: its cases
+// look at windows that are pressed once, a second each.
 #include <gtest/gtest.h>
 
 #include <algorithm>

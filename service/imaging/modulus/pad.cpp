@@ -15,7 +15,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kMostOfImage = 2.0 / 3;
+constexpr double kMostOfImage = 2.0 / 3;  // that a thickness may come to
 
 std::invalid_argument untold(const char* where, double pad_m) {
   return std::invalid_argument(fmt::format(
@@ -63,9 +63,8 @@ double first_pad_log(const VectorXd& homogeneous, const VectorXd& measured, cons
   const double log = pad.dot(off) / pad.sum() - below.dot(off) / below.sum();
   if (std::abs(log) > kMostPadLog)
     throw std::invalid_argument(
-        fmt::format("pad_thickness_m: by its strain the pad has {:.3g} times the tissue's modulus, beyond "
-                    "{:.3g} times more or "
-                    "less; check its thickness, or use another pad",
+        fmt::format("pad_thickness_m: by its strain the pad has {:.3g} times the tissue's modulus, more than "
+                    "{:.3g} times off; check its thickness, or use another pad",
                     std::exp(log), std::exp(kMostPadLog)));
   return log;
 }

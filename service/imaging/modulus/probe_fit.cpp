@@ -139,11 +139,10 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
   const double pad_m = in.tissue.pad ? in.tissue.pad->thickness_m : 0;
   if (pad_m > 0) w.pad = pad_known(*in.tissue.pad, image_m);
-  double pad_log = 0;
   const auto usual = [&](const TissueWindow& of) {
     ProbeFace face{in.window_width_m, std::exp(of.elevation.log), std::exp(of.depth.log), image_m,
                    in.tissue.poisson_ratio};
-    face.pad_m = pad_m, face.pad_log = pad_log;
+    face.pad_m = pad_m, face.pad_log = of.pad_log;
     return face;
   };
   const TissueAnswer& first = weigher_.answer(usual(w), true);
@@ -152,8 +151,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   w.places = w.cells.spacing_m * w.cells.row_m / kAlikeM2;
   leave_out(first.log_strain, w.cells, pad_m, 0, w.measured.observed);
   if (pad_m > 0)
-    w.pad_log = pad_log =
-        first_pad_log(first.log_strain, w.measured.log_strain, w.measured.observed, w.cells, pad_m);
+    w.pad_log = first_pad_log(first.log_strain, w.measured.log_strain, w.measured.observed, w.cells, pad_m);
   w.of_depth.resize(first.log_strain.size());
   for (std::size_t c = 0; c < w.cells.size(); ++c)
     w.of_depth[static_cast<Index>(c)] = w.cells.y_m(c) < pad_m ? 0 : w.cells.y_m(c) / image_m - 0.5;
@@ -306,8 +304,9 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
         log_strain += more * about.by_skin.log_strain[k], log_force += more * about.by_skin.log_force[k];
       }
     }
-    if (by_pad) log_strain = of_modulus(std::move(log_strain), 0).array() - m.face.pad_log;
-    return by_pad ? log_strain : of_modulus(std::move(log_strain), log_force);
+    VectorXd changed = of_modulus(std::move(log_strain), log_force);
+    if (by_pad) changed.array() -= m.face.pad_log;
+    return changed;
   };
   const VectorXd used = found(w, likeliest, 0);
   VectorXd mean = VectorXd::Zero(used.size());

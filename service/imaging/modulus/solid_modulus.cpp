@@ -68,17 +68,17 @@ class SolidModulusMethod : public ModulusMethod {
     out.mean_axial_strain = mean_strain(std::move(trusted));
     double elevation_m = in.tissue.probe_elevation_m;
     if (!(elevation_m > 0) && in.force) elevation_m = in.force->contact_area_m2 / in.window_width_m;
+    const auto most = [&](FitEffort effort) {
+      return ProbeFitter::max_solves(effort, in.tissue.pad.has_value());
+    };
     const auto affords = [&](FitEffort effort) {
-      return in.budget.solves >= ProbeFitter::max_solves(effort, in.tissue.pad.has_value()) +
-                                     solves_of(kUsualSteps + kForcePushes);
+      return in.budget.solves >= most(effort) + solves_of(kUsualSteps + kForcePushes);
     };
     const FitEffort effort = affords(FitEffort::kAllStarts) ? FitEffort::kAllStarts
                              : affords(FitEffort::kWeighed) ? FitEffort::kWeighed
                                                             : FitEffort::kUsual;
     // By what the fit may solve, not by what it did: that depends on what is kept of the pair before.
-    const int left =
-                  std::min(in.budget.solves - ProbeFitter::max_solves(effort, in.tissue.pad.has_value()) - 1,
-                           kMaxSteps),
+    const int left = std::min(in.budget.solves - most(effort) - 1, kMaxSteps),
               steps = std::clamp(kPushesPerSolve * left - kForcePushes, 1, kMaxSteps);
     const ProbeFit fit = fitter_.fit(in, elevation_m, out.mean_axial_strain < 0 ? -1 : 1, effort);
     out.solves = fit.solves;
