@@ -224,7 +224,7 @@ void settle_pad(EstimateRequest& r) {
   StandoffPad& pad = *r.tissue.pad;
   if (r.tissue.plane != Plane::kSolid || r.scene || r.slice_of)
     throw std::invalid_argument(
-        "acquisition.pad_thickness_m: a pad is of solid tissue that is no scene's, which begins at the face; "
+        "acquisition.pad_thickness_m: a pad is for solid tissue outside scenes, which begin at the face; "
         "give plane = SOLID without publish and slice_of, or leave it out");
   if (r.tissue.surface.kind != Surface::Kind::kUnknown)
     throw std::invalid_argument("acquisition.surface: under a pad its strain is measured; leave it out");
