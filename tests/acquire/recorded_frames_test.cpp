@@ -79,7 +79,7 @@ TEST(ModulusDoubt, AsksForTheUnitWhereNoSoftTissueIsLikeThat) {
     EXPECT_EQ(modulus_doubt(background_pa), "");
   EXPECT_EQ(modulus_doubt(9812256.0),
             "background 9812 kPa: no soft tissue is that stiff; is --force-n in newtons, and "
-            "--contact-area-m2 in square metres (1 cm^2 is 1e-4)?");
+            "--contact-area-m2 in square metres (1 cm^2 is 1e-4), or a pad's modulus in pascals?");
   EXPECT_NE(modulus_doubt(9.8).find("background 9.8 Pa: no soft tissue is that soft"), std::string::npos);
 }
 
