@@ -38,6 +38,13 @@ Eigen::Matrix<double, 6, 24> strain_matrix(const Eigen::Vector3d& at, const Eige
   return b;
 }
 
+// Rollers: what lies on them goes neither up nor down, and hardly anything holds it along.
+Hexahedron roller_matrix(const Eigen::Vector3d& size) {
+  Hexahedron k = Hexahedron::Zero();
+  for (int n = 0; n < 12; ++n) k(n, n) = (n % 3 == 1 ? 1e6 : 1e-3) * size[0] * size[2] / (4 * size[1]);
+  return k;
+}
+
 Hexahedron element_matrix(const Eigen::Vector3d& size, double nu) {
   const double mu = 1 / (2 * (1 + nu)), lambda = nu / ((1 + nu) * (1 - 2 * nu)), volume = size.prod();
   Eigen::Matrix<double, 6, 1> shear;
@@ -69,8 +76,10 @@ Eigen::SparseMatrix<double> assemble(const service::SolidTissue& tissue) {
   std::vector<Eigen::Triplet<double>> entries;
   entries.reserve(576 * grid.elements());
   for (std::size_t j = 0; j < grid.layers(); ++j) {
-    const Hexahedron unit = element_matrix(
-        {grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j], grid.spacing_z_m}, tissue.poisson_ratio);
+    const Eigen::Vector3d size(grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j], grid.spacing_z_m);
+    const Hexahedron unit = grid.slides && j + 1 == grid.layers()
+                                ? roller_matrix(size)
+                                : element_matrix(size, tissue.poisson_ratio);
     for (std::size_t k = 0; k < grid.nz; ++k)
       for (std::size_t i = 0; i < grid.nx; ++i) {
         const double modulus = tissue.youngs_modulus_pa[i + grid.nx * (k + grid.nz * j)];

@@ -95,10 +95,12 @@ int ProbeFitter::max_solves(FitEffort effort, bool pad) {
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
-// Whether what is stated may be wrong by more than is linear: without it the strain asks for a long step.
+// Whether what is stated may be wrong by more than is linear: without it the likeliest tissue's strain asks
+// for a long step.
 bool ProbeFitter::may_be_astray(const WeighedTissues& start) const {
   if (!start.window.elevation.stated && !start.window.depth.stated) return false;
-  CandidateTissue here = start.models[0];
+  CandidateTissue here = *std::ranges::max_element(start.models, {}, &CandidateTissue::odds);
+  if (here.block) here = start.models[0];
   weigher_.fit(nothing_stated(start.window), here, 0);
   return std::max(std::abs(here.fit.at[kElevation]), std::abs(here.fit.at[kDepth])) > kNear;
 }

@@ -37,10 +37,6 @@ constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
 constexpr double kMirroredM = 0.020;
 constexpr double kApartElements = 2;  // across the image: slices nearer than that are not told apart
 constexpr double kAir = 0.01;         // of the tissue's modulus: beyond its end
-// Under tissue that slides: rows of this share of its depth and modulus. They shear 2.5 times as much as the
-// tissue would; nearly incompressible, they take a tenth of the push under the probe.
-constexpr std::size_t kSlidingRows = 3;
-constexpr double kSlidingDepth = 0.05, kSlidingModulus = 0.02;
 // Accuracy of the solution, in energy. Where tissue ends, the bound is some ten times the error, and rounding
 // may exceed it.
 constexpr double kAccuracy = 2e-3, kAccuracyOfSides = 2e-2, kMinAccuracy = 5e-2;
@@ -65,9 +61,7 @@ std::vector<double> rows_of_nodes(const ProbeFace& face, double image_m, std::si
       steps.push_back(step_m = std::min(step_m * kCoarsen, std::max(kCoarsestM, left_m / 16)));
     for (const double step_m : steps) y.push_back(y.back() + step_m * left_m / reached_m);
   }
-  if (face.slides)
-    for (std::size_t k = 0; k < kSlidingRows; ++k)
-      y.push_back(y.back() + kSlidingDepth * face.depth_m / kSlidingRows);
+  if (face.slides) y.push_back(y.back() + row_m);  // rollers
   return y;
 }
 
@@ -136,10 +130,9 @@ SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells, std::size
   tissue.grid.nz = std::max(kMinPeriodAcross, period(across, gap_m(face), tissue.grid.spacing_z_m));
   tissue.grid.y_m = rows_of_nodes(face, cells.row_m * static_cast<double>(cells.rows), cells.rows);
   while (tissue.grid.elements() > kMaxElements && tissue.grid.nz > kMinPeriodAcross) tissue.grid.nz /= 2;
+  tissue.grid.slides = face.slides;
   tissue.poisson_ratio = face.poisson_ratio;
   tissue.youngs_modulus_pa.assign(tissue.grid.elements(), 1.0);
-  if (face.slides)
-    std::fill_n(tissue.youngs_modulus_pa.rbegin(), kSlidingRows * tissue.grid.columns(), kSlidingModulus);
   return tissue;
 }
 
@@ -226,8 +219,7 @@ class ProbedSolid : public ProbedTissue {
   // The last tissue's where it is of the same layers on the same mesh; else that is let go first.
   std::shared_ptr<SolidSolver<float>> solver_of(std::shared_ptr<ProbedTissue> last) const {
     const auto* solid = dynamic_cast<const ProbedSolid*>(last.get());
-    if (solid && solid->tissue_.grid == tissue_.grid && solid->face_.slides == face_.slides &&
-        solid->face_.poisson_ratio == face_.poisson_ratio)
+    if (solid && solid->tissue_.grid == tissue_.grid && solid->face_.poisson_ratio == face_.poisson_ratio)
       return solid->solver_;
     last.reset();
     return std::make_shared<SolidSolver<float>>(queue_, tissue_);
@@ -269,7 +261,7 @@ class ProbedSolid : public ProbedTissue {
     const std::vector<double>& of_layer = solver_->layers().youngs_modulus_pa;
     for (std::size_t j = 0; j < of_layer.size();) {
       moduli_pa.push_back(of_layer[j]);
-      j += j + 1 < of_layer.size() && of_layer[j + 1] == of_layer[j] ? 2 : 1;
+      j += j + 1 < of_layer.size() - grid.slides && of_layer[j + 1] == of_layer[j] ? 2 : 1;
       grid.y_m.push_back(tissue_.grid.y_m[j]);
     }
     return {grid, LayeredTissue{moduli_pa}};
@@ -285,12 +277,9 @@ class ProbedSolid : public ProbedTissue {
       const Index first = static_cast<Index>(std::min(j, cells_.rows - 1)) * columns;
       for (std::size_t k = 0; k < grid.nz; ++k) {
         const Between& at = places[k];
-        if (k == 0 || at != places[k - 1]) {
+        if (k == 0 || at != places[k - 1])
           fill_row(between(at.before->segment(first, columns), at.after->segment(first, columns), at.way),
                    row);
-          if (face_.slides && j + kSlidingRows >= grid.layers())
-            for (double& modulus : row) modulus *= kSlidingModulus;
-        }
         const std::size_t middle = (k + (nodes_across_ - 1) / 2) % grid.nz;  // across_ begins at its edge
         double* to = tissue_.youngs_modulus_pa.data() + grid.nx * (k + grid.nz * j);
         for (std::size_t n = 0; n < grid.nx; ++n)

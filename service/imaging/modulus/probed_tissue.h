@@ -83,9 +83,9 @@ inline constexpr double kFineCellM = 1e-3, kCoarseCellM = 2e-3;
 
 // Of a solid under this face. Throws std::invalid_argument for a face without a size.
 CellGrid cells_under(const ProbeFace&, double cell_m);
-// T8's finite elements: what lies beyond a solid's end gives way, and so does a thin layer below one that
-// slides. Where `last` is on the same mesh it shares its solver. Throws std::invalid_argument naming what is
-// unusable, DeviceError.
+// T8's finite elements: what lies beyond a solid's end gives way; what slides lies on rollers. Where `last`
+// is on the same mesh it shares its solver. Throws std::invalid_argument naming what is unusable,
+// DeviceError.
 std::shared_ptr<ProbedTissue> make_probed_solid(const Queue&, const ProbeFace&, double cell_m = kFineCellM,
                                                 std::shared_ptr<ProbedTissue> last = {});
 // Ends where the probe does, free of stress there and across the plane; its far side lies so deep that the

@@ -38,8 +38,7 @@ std::vector<double> work_of_elements(const SolidTissue& tissue, const std::vecto
   };
   std::vector<double> work(grid.elements());
   for (std::size_t j = 0; j < grid.layers(); ++j) {
-    const HexahedronMatrix stiffness = hexahedron_stiffness(grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j],
-                                                            grid.spacing_z_m, tissue.poisson_ratio);
+    const HexahedronMatrix stiffness = layer_stiffness(grid, j, tissue.poisson_ratio);
     for (std::size_t k = 0; k < max_z; ++k) {
       check_cancelled();
       gather(u, j, k, moved_u);

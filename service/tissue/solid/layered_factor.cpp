@@ -25,9 +25,8 @@ struct LayerStencil {
   std::array<std::array<Matrix3d, 9>, 3> blocks;  // [uu, ul, ll][(dx + 1) + 3 (dz + 1)]
 };
 
-LayerStencil layer_stencil(const SolidGrid& grid, double height_m, double poisson_ratio) {
-  const HexahedronMatrix k =
-      hexahedron_stiffness(grid.spacing_x_m, height_m, grid.spacing_z_m, poisson_ratio);
+LayerStencil layer_stencil(const SolidGrid& grid, std::size_t layer, double poisson_ratio) {
+  const HexahedronMatrix k = layer_stiffness(grid, layer, poisson_ratio);
   LayerStencil out;
   for (auto& offsets : out.blocks) offsets.fill(Matrix3d::Zero());
   for (int a = 0; a < 4; ++a)
@@ -90,12 +89,14 @@ void eliminate(const SolidGrid& grid, const LayeredTissue& tissue, double poisso
   std::vector<std::size_t> kind;  // of each layer
   for (std::size_t j = 0; j < layers; ++j) {
     const double height_m = grid.y_m[j + 1] - grid.y_m[j];
-    const auto at = std::ranges::find_if(
-        heights_m, [&](double known_m) { return std::abs(height_m - known_m) < kAlike * known_m; });
+    const auto at = grid.slides && j + 1 == layers ? heights_m.end()
+                                                   : std::ranges::find_if(heights_m, [&](double known_m) {
+                                                       return std::abs(height_m - known_m) < kAlike * known_m;
+                                                     });
     kind.push_back(static_cast<std::size_t>(at - heights_m.begin()));
     if (at != heights_m.end()) continue;
     heights_m.push_back(height_m);
-    stencils.push_back(layer_stencil(grid, height_m, poisson_ratio));
+    stencils.push_back(layer_stencil(grid, j, poisson_ratio));
   }
   std::vector<Wave> along_x;
   for (std::size_t kx = 0; kx <= grid.nx / 2; ++kx) along_x.push_back(wave(kx, grid.nx));

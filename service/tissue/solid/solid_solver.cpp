@@ -92,8 +92,7 @@ SolidSolver<T>::SolidSolver(const Queue& queue, const SolidTissue& tissue)
   chunks_ = (groups + chunk_ - 1) / chunk_;
   std::vector<T> stiffness;
   for (std::size_t j = 0; j < layers; ++j) {
-    const HexahedronMatrix k = hexahedron_stiffness(grid_.spacing_x_m, grid_.y_m[j + 1] - grid_.y_m[j],
-                                                    grid_.spacing_z_m, tissue.poisson_ratio);
+    const HexahedronMatrix k = layer_stiffness(grid_, j, tissue.poisson_ratio);
     if (ahead_) {
       stiffness.insert(stiffness.end(), k.data(), k.data() + k.size());  // symmetric: rows are columns
     } else {

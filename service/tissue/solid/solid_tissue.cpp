@@ -139,6 +139,22 @@ HexahedronMatrix hexahedron_stiffness(double size_x_m, double size_y_m, double s
   return k;
 }
 
+HexahedronMatrix layer_stiffness(const SolidGrid& grid, std::size_t layer, double poisson_ratio) {
+  const double height_m = grid.y_m[layer + 1] - grid.y_m[layer];
+  if (!grid.slides || layer + 1 < grid.layers())
+    return hexahedron_stiffness(grid.spacing_x_m, height_m, grid.spacing_z_m, poisson_ratio);
+  constexpr std::array kSprings{1e-3, 100.0, 1e-3};
+  HexahedronMatrix k = HexahedronMatrix::Zero();
+  for (int m = 0; m < 8; ++m)
+    for (int n = 0; n < 8; ++n) {
+      const double spring = integral(grid.spacing_x_m, m & 1, n & 1, false, false) *
+                            integral(height_m, m >> 2, n >> 2, true, true) *
+                            integral(grid.spacing_z_m, m >> 1 & 1, n >> 1 & 1, false, false);
+      for (int p = 0; p < 3; ++p) k(3 * m + p, 3 * n + p) = kSprings[static_cast<std::size_t>(p)] * spring;
+    }
+  return k;
+}
+
 std::array<double, 72> parity_blocks(const HexahedronMatrix& k) {
   // Of corner n, in a sum of parity s.
   const auto sign = [](int s, int n) {

@@ -17,6 +17,7 @@ struct SolidGrid {
   std::size_t nx = 0, nz = 0;  // of nodes and of elements: powers of two
   double spacing_x_m = 0, spacing_z_m = 0;
   std::vector<double> y_m;                               // strictly increasing, >= 2
+  bool slides = false;                                   // on its lowest layer, which stands for rollers
   std::size_t layers() const { return y_m.size() - 1; }  // of elements; of rows of nodes that are free
   std::size_t columns() const { return nx * nz; }
   std::size_t elements() const { return columns() * layers(); }
@@ -54,6 +55,10 @@ using HexahedronMatrix = Eigen::Matrix<double, 24, 24>;
 // checked here).
 HexahedronMatrix hexahedron_stiffness(double size_x_m, double size_y_m, double size_z_m,
                                       double poisson_ratio);
+
+// Of an element of a layer. Rollers are springs of dx dz / dy from its upper nodes to the held ones, 100
+// times along y and a thousandth along x and z.
+HexahedronMatrix layer_stiffness(const SolidGrid&, std::size_t layer, double poisson_ratio);
 
 // The same by parity: B with K_e = H^T B H. H adds a component up over the corners, with a sign (2 a - 1) for
 // each direction that the parity is odd in: bit 0 for x, 1 for y, 2 for z. A box of one modulus is its own

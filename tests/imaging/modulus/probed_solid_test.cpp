@@ -140,11 +140,10 @@ TEST(ProbedSolid, TissueThatSlidesWidensAtItsBottom) {
   EXPECT_LE(ratio(held), 0.22);
   EXPECT_GE(ratio(free), 0.3);
   EXPECT_LT(free.force_n, held.force_n);
-  // What it slides on is thin and nearly incompressible: it takes little of the push.
   double carried = 0;
   for (std::size_t row = 0; row < cells.rows; ++row)
     carried -= mean_of_row(free.axial_strain, cells, row) * cells.row_m;
-  EXPECT_GE(carried, 0.85);
+  EXPECT_NEAR(carried, 1, 0.01) << "rollers take none of the push";
 }
 
 // A column whose cells differ by thousands of times needs more iterations than a solve may take. The next one
