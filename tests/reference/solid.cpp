@@ -38,14 +38,7 @@ Eigen::Matrix<double, 6, 24> strain_matrix(const Eigen::Vector3d& at, const Eige
   return b;
 }
 
-// Rollers: what lies on them goes neither up nor down, and hardly anything holds it along.
-Hexahedron roller_matrix(const Eigen::Vector3d& size) {
-  Hexahedron k = Hexahedron::Zero();
-  for (int n = 0; n < 12; ++n) k(n, n) = (n % 3 == 1 ? 1e6 : 1e-3) * size[0] * size[2] / (4 * size[1]);
-  return k;
-}
-
-Hexahedron element_matrix(const Eigen::Vector3d& size, double nu) {
+Hexahedron element_matrix(const Eigen::Vector3d& size, double nu, bool rollers) {
   const double mu = 1 / (2 * (1 + nu)), lambda = nu / ((1 + nu) * (1 - 2 * nu)), volume = size.prod();
   Eigen::Matrix<double, 6, 1> shear;
   shear << 2 * mu, 2 * mu, 2 * mu, mu, mu, mu;
@@ -57,8 +50,17 @@ Hexahedron element_matrix(const Eigen::Vector3d& size, double nu) {
     for (double s : points)
       for (double t : points) {
         const auto b = strain_matrix({r, s, t}, size);
-        k += volume / 8 * b.transpose() * shear.asDiagonal() * b;
+        if (!rollers) {
+          k += volume / 8 * b.transpose() * shear.asDiagonal() * b;
+          continue;
+        }
+        for (int m = 0; m < 8; ++m)  // springs along y: 100 against u_y, 1e-3 against u_x and u_z
+          for (int n = 0; n < 8; ++n)
+            for (int p = 0; p < 3; ++p)
+              k(3 * m + p, 3 * n + p) +=
+                  volume / 8 * (p == 1 ? 100 : 1e-3) * b(1, 3 * m + 1) * b(1, 3 * n + 1);
       }
+  if (rollers) return k;
   const auto centre = strain_matrix({0.5, 0.5, 0.5}, size);
   k += volume * lambda * (centre.transpose() * trace) * (trace.transpose() * centre);
   return k;
@@ -77,9 +79,7 @@ Eigen::SparseMatrix<double> assemble(const service::SolidTissue& tissue) {
   entries.reserve(576 * grid.elements());
   for (std::size_t j = 0; j < grid.layers(); ++j) {
     const Eigen::Vector3d size(grid.spacing_x_m, grid.y_m[j + 1] - grid.y_m[j], grid.spacing_z_m);
-    const Hexahedron unit = grid.slides && j + 1 == grid.layers()
-                                ? roller_matrix(size)
-                                : element_matrix(size, tissue.poisson_ratio);
+    const Hexahedron unit = element_matrix(size, tissue.poisson_ratio, grid.slides && j + 1 == grid.layers());
     for (std::size_t k = 0; k < grid.nz; ++k)
       for (std::size_t i = 0; i < grid.nx; ++i) {
         const double modulus = tissue.youngs_modulus_pa[i + grid.nx * (k + grid.nz * j)];

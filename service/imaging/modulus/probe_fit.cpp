@@ -34,6 +34,7 @@ constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 
 constexpr double kFarFromStated = 3;   // deviations of it: that is another start
+constexpr double kLikelyLog = 5;       // of the odds
 constexpr double kNear = kLinear / 2;  // of ln of elevation and depth: no long step
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
@@ -95,14 +96,20 @@ int ProbeFitter::max_solves(FitEffort effort, bool pad) {
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
-// Whether what is stated may be wrong by more than is linear: without it the likeliest tissue's strain asks
+// Whether what is stated may be wrong by more than is linear: without it the strain of a likely tissue asks
 // for a long step.
-bool ProbeFitter::may_be_astray(const WeighedTissues& start) const {
+bool ProbeFitter::may_be_astray(WeighedTissues start) const {
   if (!start.window.elevation.stated && !start.window.depth.stated) return false;
-  CandidateTissue here = *std::ranges::max_element(start.models, {}, &CandidateTissue::odds);
-  if (here.block) here = start.models[0];
-  weigher_.fit(nothing_stated(start.window), here, 0);
-  return std::max(std::abs(here.fit.at[kElevation]), std::abs(here.fit.at[kDepth])) > kNear;
+  std::erase_if(start.models, &CandidateTissue::block);
+  const double scale = std::hypot(start.least().fit.rest, kModelLog);
+  for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
+  const double likely = start.best() - kLikelyLog;
+  const TissueWindow open = nothing_stated(start.window);
+  return std::ranges::any_of(start.models, [&](CandidateTissue& m) {
+    if (m.odds() < likely) return false;
+    weigher_.fit(open, m, 0);
+    return std::max(std::abs(m.fit.at[kElevation]), std::abs(m.fit.at[kDepth])) > kNear;
+  });
 }
 
 // Where the tissue is then, if that is far, and what is stated does not lead back from there.

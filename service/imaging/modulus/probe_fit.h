@@ -57,7 +57,7 @@ class ProbeFitter {
   void forget() { weigher_.forget(); }
 
  private:
-  bool may_be_astray(const WeighedTissues& start) const;
+  bool may_be_astray(WeighedTissues start) const;
   std::optional<ProbeFace> far_from_stated(const TissueWindow& stated, const WeighedTissues& start);
   ProbeFit publish(const std::vector<WeighedTissues>& starts, const ModulusInput&, double sign, bool all,
                    bool untried);

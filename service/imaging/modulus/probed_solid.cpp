@@ -261,7 +261,7 @@ class ProbedSolid : public ProbedTissue {
     const std::vector<double>& of_layer = solver_->layers().youngs_modulus_pa;
     for (std::size_t j = 0; j < of_layer.size();) {
       moduli_pa.push_back(of_layer[j]);
-      j += j + 1 < of_layer.size() - grid.slides && of_layer[j + 1] == of_layer[j] ? 2 : 1;
+      j += j + 1 < of_layer.size() && of_layer[j + 1] == of_layer[j] ? 2 : 1;
       grid.y_m.push_back(tissue_.grid.y_m[j]);
     }
     return {grid, LayeredTissue{moduli_pa}};

@@ -38,6 +38,7 @@ void validate(const SolidTissue& tissue) {
   require_length(grid.spacing_x_m, "spacing_x_m");
   require_length(grid.spacing_z_m, "spacing_z_m");
   if (grid.y_m.size() < 2) throw std::invalid_argument("y_m has fewer than 2 rows of nodes; give at least 2");
+  if (grid.slides && grid.layers() < 2) throw std::invalid_argument("y_m has no layer above the rollers");
   for (std::size_t j = 0; j + 1 < grid.y_m.size(); ++j)
     if (!(grid.y_m[j] < grid.y_m[j + 1]) || !std::isfinite(grid.y_m[j + 1] - grid.y_m[j]))
       throw std::invalid_argument(

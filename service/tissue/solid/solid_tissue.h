@@ -56,8 +56,8 @@ using HexahedronMatrix = Eigen::Matrix<double, 24, 24>;
 HexahedronMatrix hexahedron_stiffness(double size_x_m, double size_y_m, double size_z_m,
                                       double poisson_ratio);
 
-// Of an element of a layer. Rollers are springs of dx dz / dy from its upper nodes to the held ones, 100
-// times along y and a thousandth along x and z.
+// Of an element of a layer. Rollers are a bed of springs between its sides: dx dz / dy, 100 times along y and
+// 1e-3 times along x and z. Softer ones, and double precision loses digits at nu 0.4999.
 HexahedronMatrix layer_stiffness(const SolidGrid&, std::size_t layer, double poisson_ratio);
 
 // The same by parity: B with K_e = H^T B H. H adds a component up over the corners, with a sign (2 a - 1) for

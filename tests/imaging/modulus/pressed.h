@@ -67,8 +67,9 @@ class Pressed {
   }
 
   ModulusEstimate estimate(const ModulusBudget& budget = {}, std::optional<double> beside_m = {},
-                           double depth_m = kDepthM, const Surface& surface = {}) const {
-    TissueExtent tissue{0.1, depth_m, 0.035, 0.49, Plane::kSolid, kElevationM};
+                           double depth_m = kDepthM, const Surface& surface = {},
+                           double elevation_m = kElevationM) const {
+    TissueExtent tissue{0.1, depth_m, 0.035, 0.49, Plane::kSolid, elevation_m};
     tissue.surface = surface;
     tissue.beside_m = beside_m;
     return make_solid(imaging_device()->queue(), {})

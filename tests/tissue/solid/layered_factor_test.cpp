@@ -120,6 +120,8 @@ TEST(SolidTissue, RefusesWhatItCannotModelByField) {
   t = good;
   t.grid.y_m[2] = t.grid.y_m[1];
   refused(t, "y_m[2]");
+  t = solid({16, 8, 0.002, 0.0025, {0, 0.002}, true}, 0.49, [](double, double, double) { return 1e4; });
+  refused(t, "y_m");
   t = good;
   t.poisson_ratio = 0.5;
   refused(t, "poisson_ratio");
