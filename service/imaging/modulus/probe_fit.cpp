@@ -34,7 +34,6 @@ constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 
 constexpr double kFarFromStated = 3;   // deviations of it: that is another start
-constexpr double kLikelyLog = 5;       // of the odds
 constexpr double kNear = kLinear / 2;  // of ln of elevation and depth: no long step
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
@@ -103,7 +102,7 @@ bool ProbeFitter::may_be_astray(WeighedTissues start) const {
   std::erase_if(start.models, &CandidateTissue::block);
   const double scale = std::hypot(start.least().fit.rest, kModelLog);
   for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
-  const double likely = start.best() - kLikelyLog;
+  const double likely = start.best() - kWorthless;
   const TissueWindow open = nothing_stated(start.window);
   return std::ranges::any_of(start.models, [&](CandidateTissue& m) {
     if (m.odds() < likely) return false;

@@ -28,7 +28,6 @@ constexpr double kVary = 0.15, kTiltStep = 0.1;
 constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
 constexpr int kRoundsOfOthers = 2;
 constexpr double kSkinBeside = 0.3;    // depths beside the face: nearer sides change what skin does
-constexpr double kWorthless = 5;       // ln of the odds against a model that is not looked at closer
 constexpr double kLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
 
 std::uint64_t bytes_of(const TissueAnswer& answer) {

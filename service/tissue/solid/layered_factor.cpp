@@ -91,9 +91,12 @@ void eliminate(const SolidGrid& grid, const LayeredTissue& tissue, double poisso
     const double height_m = grid.y_m[j + 1] - grid.y_m[j];
     const auto at = std::ranges::find_if(
         heights_m, [&](double known_m) { return std::abs(height_m - known_m) < kAlike * known_m; });
-    const bool rollers = grid.slides && j + 1 == layers, known = at != heights_m.end() && !rollers;
-    kind.push_back(static_cast<std::size_t>((known ? at : heights_m.end()) - heights_m.begin()));
-    if (known) continue;
+    const bool rollers = grid.slides && j + 1 == layers;
+    if (at != heights_m.end() && !rollers) {
+      kind.push_back(static_cast<std::size_t>(at - heights_m.begin()));
+      continue;
+    }
+    kind.push_back(stencils.size());
     heights_m.push_back(height_m);
     stencils.push_back(layer_stencil(grid, j, poisson_ratio));
   }

@@ -233,15 +233,16 @@ TEST(ProbeFit, AWrongDepthOfTissueThatEndsIsFoundAndSaid) {
 
 // A tissue that ends or slides may explain in part what a wrong face leaves.
 TEST(ProbeFit, AFaceStatedTooLongIsFoundAndSaid) {
-  for (const ProbeFace& of : {face(), face(0.007), face(0.015, true)})
+  for (const ProbeFace& of : {face(), face(0.007), face(0.015, true)}) {
+    const Pressed pressed(of);
     for (const double too_long : {1.75, 1.0}) {
-      const Pressed pressed(of);
       const ModulusEstimate e = pressed.estimate({}, {}, kDepthM, {}, too_long * kElevationM);
       std::printf("background %.2f kPa, %d solves: %s\n", 1e-3 * background(e, pressed.measured), e.solves,
                   e.model.c_str());
       EXPECT_EQ(warned(e, ModulusFlag::kElevation), too_long > 1) << e.model;
       EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, too_long > 1 ? 0.2 : 0.1) << e.model;
     }
+  }
 }
 
 // Rounding must not tell the cells of a depth from those of the image: 15 mm once did.
