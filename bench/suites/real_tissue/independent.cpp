@@ -25,8 +25,15 @@ std::shared_ptr<const PressedBlock> pressed(const Block& block, Solved& solved) 
   return solved.emplace_back(block, std::make_shared<const PressedBlock>(block)).second;
 }
 
+// What is stated, over the truth.
+struct Stated {
+  double elevation = 1, depth = 1;
+  bool wrong() const { return elevation != 1 || depth != 1; }
+};
+
 // What a user knows is stated: the face, the depth, and the speed of sound that the scanner takes.
-Window window_of(const Block& block, const PlaneWaves& waves, Solved& solved, std::uint64_t seed) {
+Window window_of(const Block& block, const PlaneWaves& waves, const Stated& stated, Solved& solved,
+                 std::uint64_t seed) {
   Window w;
   std::shared_ptr<const PressedBlock> of;
   w.truth_s = seconds_of([&] { of = pressed(block, solved); });
@@ -40,7 +47,12 @@ Window window_of(const Block& block, const PlaneWaves& waves, Solved& solved, st
   w.pre = frame(rf.pre), w.post = frame(rf.post);
   w.force = {of->force_n(), block.face_width_m * block.face_across_m};
   const double width_m = waves.pitch_m * static_cast<double>(waves.elements), middle_m = width_m / 2;
-  w.extent = {width_m, block.depth_m, 0, block.poisson_ratio, service::Plane::kSolid, block.face_across_m};
+  w.extent = {width_m,
+              stated.depth * block.depth_m,
+              0,
+              block.poisson_ratio,
+              service::Plane::kSolid,
+              stated.elevation * block.face_across_m};
   if (block.pad_m > 0) {  // in the force's place
     std::mt19937_64 random(seed);
     const double pad_pa = block.pad_contrast * block.modulus_pa,
@@ -63,13 +75,15 @@ std::vector<RealRow> independent_rows() {
   const auto solved = std::make_shared<Solved>();
   std::vector<RealRow> rows;
   const auto add = [&](const std::string& name, double contrast, bool quick, Block block,
-                       const PlaneWaves& waves = {}) {
+                       const PlaneWaves& waves = {}, const Stated& stated = {}) {
     block.contrast = contrast;
-    rows.push_back({"independent: " + name, contrast, quick,
-                    [=](std::uint64_t seed, double) { return window_of(block, waves, *solved, seed); },
-                    block.pad_m > 0                   ? Truth::kUnderPad
-                    : block.width_m < Block().width_m ? Truth::kIndependentBeside
-                                                      : Truth::kIndependent});
+    rows.push_back(
+        {"independent: " + name, contrast, quick,
+         [=](std::uint64_t seed, double) { return window_of(block, waves, stated, *solved, seed); },
+         stated.wrong()                    ? Truth::kStatedWrongly
+         : block.pad_m > 0                 ? Truth::kUnderPad
+         : block.width_m < Block().width_m ? Truth::kIndependentBeside
+                                           : Truth::kIndependent});
   };
   Block wide, near, nearer, sliding, near_sliding, tilted;
   near.width_m = .080, near.across_m = .060;
@@ -92,6 +106,9 @@ std::vector<RealRow> independent_rows() {
     padded.pad_m = .008, padded.pad_contrast = contrast;
     add(fmt::format("no force, pad of {:.0f} kPa", 1e-3 * contrast * padded.modulus_pa), 1, false, padded);
   }
+  add("wide, face stated 75 % too long", 3, false, wide, {}, {1.75, 1});
+  add("wide, depth stated a half too large", 3, false, wide, {}, {1, 1.5});
+  add("wide, depth stated a third too small", 3, false, wide, {}, {1, 0.67});
   add("wide, sliding face", 3, false, sliding);
   add("ends 21 mm beside the face, which slides", 1, false, near_sliding);
   add("wide, 0.5 dB/cm/MHz", 3, false, wide, attenuated);

@@ -24,8 +24,8 @@ struct Window {
 };
 
 // By whom a row's RF and truth are made, and whether its tissue reaches far enough beyond the face for its
-// modulus to be told from a grading; or whether its modulus is told by a pad.
-enum class Truth { kPatient, kIndependent, kIndependentBeside, kUnderPad };
+// modulus to be told from a grading; or whether its modulus is told by a pad, or what is stated is wrong.
+enum class Truth { kPatient, kIndependent, kIndependentBeside, kUnderPad, kStatedWrongly };
 
 struct RealRow {
   std::string name;     // with its level

@@ -33,8 +33,9 @@ constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
 constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image shows
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 
-constexpr double kFarFromStated = 3;   // deviations of it: that is another start
-constexpr double kNear = kLinear / 2;  // of ln of elevation and depth: no long step
+constexpr double kFarFromStated = 3;  // deviations of it: that is another start
+// Strain well below the depth that is stated, over that in its last part: tissue, not a support.
+constexpr double kStrained = 0.15, kLastPart = 0.25, kLeastBelowM = 2e-3;
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
@@ -69,17 +70,25 @@ MatrixXd columns_of(const std::vector<VectorXd>& fields) {
   return out;
 }
 
-TissueWindow nothing_stated(TissueWindow w) {
-  TissueExtent nothing;
-  nothing.depth_stated = false;
-  w.elevation = elevation_known(nothing, 0), w.depth = depth_known(nothing, 0, w.face.image_depth_m);
-  return w;
-}
-
-bool contradicted_by_reference(const WeighedTissues& start) {
-  const CandidateTissue& m = start.models[0];
-  return start.window.elevation.contradicted(m.face.elevation_m * std::exp(m.fit.at[kElevation])) ||
-         start.window.depth.contradicted(m.face.depth_m * std::exp(m.fit.at[kDepth]));
+// Whether tissue is strained well below the depth that is stated for it, as no support is: then it ends
+// deeper.
+bool strained_below(const TissueExtent& tissue, const Measured& m, double sign) {
+  if (!tissue.depth_stated) return false;
+  const KnownLength known = depth_known(tissue, tissue.depth_m, tissue.depth_m);
+  const double from_m = tissue.depth_m * std::exp(KnownLength::kContradicted * known.deviation);
+  double above = 0, below = 0, nodes_above = 0, nodes_below = 0, of_below = 0;
+  for (std::size_t n = 0; n < m.grid.size(); ++n) {
+    const double y_m = m.grid.y_m(n), strain = sign * m.axial_strain[n];
+    of_below += y_m > from_m;
+    if (!m.strain_valid[n] || y_m < (1 - kLastPart) * tissue.depth_m) continue;
+    if (y_m > from_m)
+      below += strain, ++nodes_below;
+    else if (y_m < tissue.depth_m)
+      above += strain, ++nodes_above;
+  }
+  const double rows = of_below / static_cast<double>(m.grid.nx);
+  return rows * m.grid.dy_m > kLeastBelowM && nodes_below > of_below / 2 &&
+         below / nodes_below > kStrained * above / nodes_above;
 }
 
 }  // namespace
@@ -90,60 +99,24 @@ ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::s
 int ProbeFitter::max_solves(FitEffort effort, bool pad) {
   const bool all = effort != FitEffort::kUsual, others = effort == FitEffort::kAllStarts;
   const int coarse = kCoarsePerSolve * (all && !pad ? 1 + kSkinSolves : 1) +
-                     (others ? 3 : 1) * TissueWeigher::max_coarse_solves(all, pad) +
-                     (others ? TissueWeigher::max_coarse_solves_of_reference(pad) : 0);
+                     (others ? 2 : 1) * TissueWeigher::max_coarse_solves(all, pad);
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
-}
-
-// Whether what is stated may be wrong by more than is linear: without it the strain of a likely tissue asks
-// for a long step.
-bool ProbeFitter::may_be_astray(WeighedTissues start) const {
-  if (!start.window.elevation.stated && !start.window.depth.stated) return false;
-  std::erase_if(start.models, &CandidateTissue::block);
-  const double scale = std::hypot(start.least().fit.rest, kModelLog);
-  for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
-  const double likely = start.best() - kWorthless;
-  const TissueWindow open = nothing_stated(start.window);
-  return std::ranges::any_of(start.models, [&](CandidateTissue& m) {
-    if (m.odds() < likely) return false;
-    weigher_.fit(open, m, 0);
-    return std::max(std::abs(m.fit.at[kElevation]), std::abs(m.fit.at[kDepth])) > kNear;
-  });
-}
-
-// Where the tissue is then, if that is far, and what is stated does not lead back from there.
-std::optional<ProbeFace> ProbeFitter::far_from_stated(const TissueWindow& stated,
-                                                      const WeighedTissues& start) {
-  const auto far = [](const KnownLength& known, double at_m) {
-    return known.stated && std::abs(std::log(at_m) - known.log) > kFarFromStated * known.deviation;
-  };
-  TissueWindow open = nothing_stated(start.window), back = stated;
-  ProbeFace face = start.models[0].face;
-  face.elevation_m = std::exp(open.elevation.log), face.depth_m = std::exp(open.depth.log);
-  try {
-    face = weigher_.reference(open, face, kRoundsOfReference).face;
-    if (!far(stated.elevation, face.elevation_m) && !far(stated.depth, face.depth_m)) return {};
-    const bool leads_back =
-        apart(weigher_.reference(back, face, kRoundsOfReference), start.models[0]) < kOtherLength;
-    if (leads_back && !contradicted_by_reference(start)) return {};
-    return face;
-  } catch (const std::invalid_argument&) {  // beyond what is modelled
-    return {};
-  }
 }
 
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign, FitEffort effort) {
   weigher_.begin();
   const Measured& measured = in.measured;
+  TissueExtent tissue = in.tissue;
+  if (strained_below(tissue, measured, sign)) tissue.depth_stated = false;
   const double top_m = in.tissue.pad ? 0 : top_of(measured), depth_m = in.tissue.depth_m - top_m;
   if (!(depth_m > 0))
     throw std::invalid_argument(
         fmt::format("tissue_depth_m: the tissue ends {:.1f} mm deep, but nothing was tracked above {:.1f} mm",
                     1e3 * in.tissue.depth_m, 1e3 * top_m));
   const double shown_m = measured.grid.y_m(measured.grid.size() - 1) + measured.grid.dy_m / 2 - top_m,
-               image_m = in.tissue.depth_stated ? std::min(shown_m, depth_m) : shown_m;
+               image_m = tissue.depth_stated ? std::min(shown_m, depth_m) : shown_m;
   TissueWindow w{in.tissue.beside_m, in.tissue.beside_std_m, elevation_known(in.tissue, elevation_m),
-                 depth_known(in.tissue, depth_m, image_m)};
+                 depth_known(tissue, depth_m, image_m)};
   if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
   const double pad_m = in.tissue.pad ? in.tissue.pad->thickness_m : 0;
   if (pad_m > 0) w.pad = pad_known(*in.tissue.pad, image_m);
@@ -173,24 +146,15 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   std::vector<WeighedTissues> starts{weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
   bool untried = !all;
   if (all) {
-    const auto from = [&](const ProbeFace& face, int rounds) {
-      try {
-        starts.insert(starts.begin(), weigher_.weigh(w, face, true, rounds));
-      } catch (const std::invalid_argument&) {  // that face is beyond what is modelled
-      }
-    };
-    const bool astray = may_be_astray(starts[0]);
-    if (astray && effort == FitEffort::kAllStarts)
-      if (const std::optional<ProbeFace> free = far_from_stated(w, starts[0]))
-        from(*free, kRoundsOfReference);
     // Tissue that ends may be shallower than is stated where tissue that goes on is not.
     const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarFromStated * w.depth.deviation;
-    untried = (deep || astray) && effort != FitEffort::kAllStarts;
-    if (deep && effort == FitEffort::kAllStarts) {
-      ProbeFace shallow = usual(w);
-      shallow.depth_m = image_m;
-      from(shallow, 1);
-    }
+    untried = deep && effort != FitEffort::kAllStarts;
+    if (deep && !untried) try {
+        ProbeFace shallow = usual(w);
+        shallow.depth_m = image_m;
+        starts.insert(starts.begin(), weigher_.weigh(w, shallow, true, 1));
+      } catch (const std::invalid_argument&) {  // beyond what is modelled
+      }
     const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
                                      return s.least().fit.rest;
                                    })->least();
@@ -200,11 +164,6 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
     for (WeighedTissues& start : starts) {
       start.window.places = places;
       for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
-    }
-    // Else a depth that is stated truly is doubted with the heavy tails of what is stated.
-    if (!deep) {
-      WeighedTissues best = *std::ranges::max_element(starts, {}, &WeighedTissues::best);
-      starts = {std::move(best)};
     }
   }
   TogetherWeighed weighed;
@@ -390,6 +349,10 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
   if (tilted) out.untried_log = kUnweighedLog;
   if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);
+  if (in.tissue.depth_stated && !w.depth.stated)
+    out.contradicted =
+        fmt::format("the tissue's depth is stated as {:.1f} mm, but tissue is strained below it",
+                    1e3 * in.tissue.depth_m);
   put_into_words(order, all, grading, out);
   if (!out.contradicted.empty()) out.common_log = std::hypot(out.common_log, kContradictedLog);
   return out;

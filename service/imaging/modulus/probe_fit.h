@@ -57,8 +57,6 @@ class ProbeFitter {
   void forget() { weigher_.forget(); }
 
  private:
-  bool may_be_astray(WeighedTissues start) const;
-  std::optional<ProbeFace> far_from_stated(const TissueWindow& stated, const WeighedTissues& start);
   ProbeFit publish(const std::vector<WeighedTissues>& starts, const ModulusInput&, double sign, bool all,
                    bool untried);
   std::shared_ptr<StripCache> strips_;
