@@ -54,7 +54,7 @@ TEST_F(DeviceSuite, PartsAreKeptAndGoneOnWith) {
   EXPECT_NE(again.output.find("--resume"), std::string::npos) << again.output;
   const auto other = measured({"--resume", "--as-gpu", "--only", "references"});
   EXPECT_EQ(other.code, 1);
-  EXPECT_NE(other.output.find("another device or kind of run"), std::string::npos) << other.output;
+  EXPECT_NE(other.output.find("another device, build or kind of run"), std::string::npos) << other.output;
   const auto resumed = measured({"--resume", "--only", "limits", "references"});
   EXPECT_EQ(resumed.code, 0) << resumed.output;
   EXPECT_EQ(written("limits.json"), limits) << "measured anew";

@@ -1,7 +1,9 @@
 // teletact-bench device: what one device can, for ten minutes on one that is borrowed. Each part is a process
 // of its own, which is ended at its limit; its rows are on disk as soon as they are known.
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -63,6 +65,13 @@ void write(const fs::path& file, const json& what) {
   if (!stream || error) throw BenchError("cannot write " + file.string());
 }
 
+// When this program was built.
+std::string built() {
+  struct stat of {};
+  if (stat("/proc/self/exe", &of) != 0) return "unknown";
+  return fmt::format("{:%F %T}", fmt::gmtime(of.st_mtime));
+}
+
 // Its file: what it is of, how it ended, its tables.
 class WrittenPart : public DevicePart {
  public:
@@ -73,14 +82,15 @@ class WrittenPart : public DevicePart {
                 {{"device", describe(info)},
                  {"platform", info.platform},
                  {"as_gpu", of.as_gpu},
+                 {"built", built()},
                  {"quick", of.quick}}},
                {"ended", "not"}};
     for (const auto& [name, measure] : parts()) {
       const json other = read(file_of(of, name));
       if (other.is_object() && other.contains("of") && other["of"] != result_["of"])
         throw BenchError(
-            fmt::format("{} is of another device or kind of run: {}; this one: {}. Choose another "
-                        "folder for --out",
+            fmt::format("{} is of another device, build or kind of run: {}; this one: {}. Choose "
+                        "another folder for --out",
                         file_of(of, name).string(), other["of"].dump(), result_["of"].dump()));
       if (name == kLimits && other.is_object() && other.contains(kLimits))
         limits = other.at(kLimits).at(0).get<DeviceLimits>();
@@ -206,7 +216,7 @@ json in_short(const json& all) {
         if (!gpu)
           put("launches", "launches"), put("waits", "waits");
         else
-          put("a_gpus_launches", "launches"), put("a_gpus_waits", "waits"),
+          put("a_gpus_launches", "launches"), put("a_gpus_waits", "waits"), put("a_gpus_looks", "looks"),
               put("a_gpus_chain", "longest_chain"), put("a_gpu_modelled_ms", "a_gpu_modelled_ms");
       }
     if (table.ends_with("_kernels")) {

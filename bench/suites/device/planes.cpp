@@ -1,5 +1,6 @@
 // Planes by conjugate gradients, as the product solves them: squares of nodes under a touch's load, and a
 // scene's window under a batch of loads.
+#include <algorithm>
 #include <string>
 
 #include "bench/peers/contact_case.h"
@@ -59,6 +60,10 @@ Works work_of(const service::TissueGrid& grid, double columns, const service::Qu
              {"dot_two", per(8, 8)},
              {"pcg_update", per(12, 12)},
              {"pcg_direction", per(6, 4)}};
+  // A step to and back through the inverse of each block, and the operator; a flop in double counts as two.
+  const auto unknowns_of_block = static_cast<double>(2 * std::min(grid.nx(), grid.ny()));
+  work["solve_whole"] = per(2 * (unknowns_of_block + 18 + 8 * columns),
+                            columns * 2 * 2 * (4 * unknowns_of_block + 2 * 6 + 2 * 18 + 10));
   // The coarsest level is a dense product.
   const double solves = nodes_of(multigrid, CycleStep::kSolve).in_one,
                unknowns = 2 * static_cast<double>(multigrid.nodes(multigrid.levels() - 1));
