@@ -275,7 +275,8 @@ bool run_device(const Arguments& of) {
     }
     if (result.value("ended", "not") != "complete") failed += name == "references" || !is_there(result);
     if (result.contains("of"))
-      for (const auto& [key, value] : result["of"].items()) figures[key] = value;
+      for (const auto& [key, value] : result["of"].items())
+        if (key != "built") figures[key] = value;
     if (const std::string ended = result.value("ended", "not"); ended != "complete")
       figures["parts"].push_back({{"name", name}, {"ended", ended}});
     for (const auto& [table, rows] : result.items())

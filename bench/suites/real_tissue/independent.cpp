@@ -28,7 +28,7 @@ std::shared_ptr<const PressedBlock> pressed(const Block& block, Solved& solved) 
 // What is stated, over the truth.
 struct Stated {
   double elevation = 1, depth = 1;
-  bool wrong() const { return elevation != 1 || depth != 1; }
+  bool bare = false;  // whatever the topmost layer is
 };
 
 // What a user knows is stated: the face, the depth, and the speed of sound that the scanner takes.
@@ -53,7 +53,9 @@ Window window_of(const Block& block, const PlaneWaves& waves, const Stated& stat
               block.poisson_ratio,
               service::Plane::kSolid,
               stated.elevation * block.face_across_m};
-  if (block.pad_m > 0) {  // in the force's place
+  if (stated.bare)
+    w.extent.surface.kind = service::Surface::Kind::kBare;
+  else if (block.pad_m > 0) {  // in the force's place
     std::mt19937_64 random(seed);
     const double pad_pa = block.pad_contrast * block.modulus_pa,
                  known_pa = pad_pa * (1 + kPadKnown * std::normal_distribution<double>()(random));
@@ -77,10 +79,11 @@ std::vector<RealRow> independent_rows() {
   const auto add = [&](const std::string& name, double contrast, bool quick, Block block,
                        const PlaneWaves& waves = {}, const Stated& stated = {}) {
     block.contrast = contrast;
+    const bool wrong = stated.elevation != 1 || stated.depth != 1 || (stated.bare && block.pad_m > 0);
     rows.push_back(
         {"independent: " + name, contrast, quick,
          [=](std::uint64_t seed, double) { return window_of(block, waves, stated, *solved, seed); },
-         stated.wrong()                    ? Truth::kStatedWrongly
+         wrong                             ? Truth::kStatedWrongly
          : block.pad_m > 0                 ? Truth::kUnderPad
          : block.width_m < Block().width_m ? Truth::kIndependentBeside
                                            : Truth::kIndependent});
@@ -109,6 +112,10 @@ std::vector<RealRow> independent_rows() {
   add("wide, face stated 75 % too long", 3, false, wide, {}, {1.75, 1});
   add("wide, depth stated a half too large", 3, false, wide, {}, {1, 1.5});
   add("wide, depth stated a third too small", 3, false, wide, {}, {1, 0.67});
+  add("wide, bare and so stated", 1, false, wide, {}, {1, 1, true});
+  Block capsule = wide;
+  capsule.pad_m = .001, capsule.pad_contrast = 3;
+  add("wide, capsule of 1 mm and 3 times, stated as bare", 1, false, capsule, {}, {1, 1, true});
   add("wide, sliding face", 3, false, sliding);
   add("ends 21 mm beside the face, which slides", 1, false, near_sliding);
   add("wide, 0.5 dB/cm/MHz", 3, false, wide, attenuated);

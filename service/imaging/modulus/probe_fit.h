@@ -15,8 +15,7 @@
 namespace teletact::service {
 
 // What is tried, decided before the first solve: tissue that goes on beside the probe under a face as stated
-// or usual; or all that it may be, about that; or all from where the strain alone leads and from shallower
-// tissue, too.
+// or usual; or all that it may be, about that; or all from shallower tissue, too.
 enum class FitEffort { kUsual, kWeighed, kAllStarts };
 
 // Cells are those of `tissue`.
