@@ -153,6 +153,7 @@ __kernel __attribute__((reqd_work_group_size(16, 1, 1))) void warp(
   const int4 in_strip = inside ? (at >= 4) & (at <= STRIP - 8) : (int4)(0);
   const int16 seen = in_strip.s0000111122223333 & (there >= span.x) & (there < span.y) &
                      (samples >= own_span.x) & (samples < own_span.y) & (fabs(t) <= INTERPOLATION_RANGE);
+  // Vectors as bounds: Oclgrind misreads others.
   const float16 value = select(
       (float16)(0.0f), between_samples(strip, clamp(at, (int4)(4), (int4)(STRIP - 8)), t, series), seen);
   const int to = layout.origin + l * stride + start;

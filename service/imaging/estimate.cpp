@@ -12,6 +12,7 @@
 
 #include "service/base/choices.h"
 #include "service/device/cancellation.h"
+#include "service/imaging/modulus/stated_depth.h"
 #include "service/imaging/tracking/input_checks.h"
 
 namespace teletact::service {
@@ -287,6 +288,8 @@ void Elastography::estimate_into(const RfFrame& pre, const RfFrame& post, const 
                      .told = in.told,
                      .sound_speed_deviation = in.sound_speed_deviation};
   if (e.coupling_m > 0) place_below(e.coupling_m, input);
+  input.tissue = believed(input.tissue, e, strain_.options().kernel_axial_m);
+  if (input.tissue.doubted_depth_m > 0) input.tissue.doubted_depth_m = in.tissue.depth_m;
   e.modulus = find_modulus(input, in.modulus);  // T3.1 to T3.3, T3.6, T3.8
   judge(input, *strips_, e.modulus);            // T3.4
   e.grid.origin_y_m = first_m;

@@ -63,6 +63,12 @@ TEST_F(DeviceSuite, PartsAreKeptAndGoneOnWith) {
   EXPECT_EQ(suite.at("stages").back().at("a_gpus_chain"), gpu.at("longest_chain"));
   ASSERT_GE(all.at("references").size(), 5);
   for (const auto& row : all.at("references")) EXPECT_TRUE(row.at("met")) << row;
+  nlohmann::json of_another = limits;
+  of_another["of"]["built"] = "1970-01-01 00:00:00";
+  std::ofstream(folder_ / "out/limits.json") << of_another;
+  const auto mixed = measured({"--resume", "--only", "limits", "references"});
+  EXPECT_EQ(mixed.code, 1) << "nothing was left to run";
+  EXPECT_NE(mixed.output.find("another device, build"), std::string::npos) << mixed.output;
   const auto page = ran({"report", folder_ / "out/device.json", "--out", folder_ / "pages"});
   ASSERT_EQ(page.code, 0) << page.output;
   EXPECT_NE(text("pages/device.md").find(suite.at("device").at("name")), std::string::npos);

@@ -65,7 +65,7 @@ void write(const fs::path& file, const json& what) {
   if (!stream || error) throw BenchError("cannot write " + file.string());
 }
 
-// When this program was built.
+// When this program's file was written: others than those of the same build have another time.
 std::string built() {
   struct stat of {};
   if (stat("/proc/self/exe", &of) != 0) return "unknown";
@@ -264,7 +264,7 @@ bool run_device(const Arguments& of) {
                        " is there: go on with --resume, write over it with --force, or choose another --out");
     fs::remove(file_of(of, name));
   }
-  json figures = json::object(), all = json::object();
+  json figures = json::object(), all = json::object(), of_all;
   double failed = 0, off = 0;
   for (const auto& [name, measure] : parts()) {
     json result = read(file_of(of, name));
@@ -274,9 +274,17 @@ bool run_device(const Arguments& of) {
       result = ran(of, name);
     }
     if (result.value("ended", "not") != "complete") failed += name == "references" || !is_there(result);
-    if (result.contains("of"))
-      for (const auto& [key, value] : result["of"].items())
+    if (result.contains("of")) {
+      if (!of_all.is_null() && of_all != result["of"])
+        throw BenchError(
+            fmt::format("the parts in {} are of another device, build or kind of run: {}, and {}; choose "
+                        "another folder for "
+                        "--out, or --force",
+                        of.out, of_all.dump(), result["of"].dump()));
+      of_all = result["of"];
+      for (const auto& [key, value] : of_all.items())
         if (key != "built") figures[key] = value;
+    }
     if (const std::string ended = result.value("ended", "not"); ended != "complete")
       figures["parts"].push_back({{"name", name}, {"ended", ended}});
     for (const auto& [table, rows] : result.items())

@@ -79,12 +79,12 @@ std::vector<RealRow> independent_rows() {
   const auto add = [&](const std::string& name, double contrast, bool quick, Block block,
                        const PlaneWaves& waves = {}, const Stated& stated = {}) {
     block.contrast = contrast;
-    const bool wrong = stated.elevation != 1 || stated.depth != 1 || (stated.bare && block.pad_m > 0);
+    const bool wrong = stated.elevation != 1 || stated.depth != 1;
     rows.push_back(
         {"independent: " + name, contrast, quick,
          [=](std::uint64_t seed, double) { return window_of(block, waves, stated, *solved, seed); },
          wrong                             ? Truth::kStatedWrongly
-         : block.pad_m > 0                 ? Truth::kUnderPad
+         : block.pad_m > 0 && !stated.bare ? Truth::kUnderPad
          : block.width_m < Block().width_m ? Truth::kIndependentBeside
                                            : Truth::kIndependent});
   };

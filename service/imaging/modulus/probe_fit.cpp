@@ -33,9 +33,7 @@ constexpr double kUsualElevationM = 0.010, kLogUsualElevation = 0.6;
 constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image shows
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 
-constexpr double kFarFromStated = 3;  // deviations of it: that is another start
-// Strain well below the depth that is stated, over that in its last part: tissue, not a support.
-constexpr double kStrained = 0.15, kLastPart = 0.25, kLeastBelowM = 2e-3;
+constexpr double kFarBeyondImage = 3;  // deviations of a depth that is stated: that is another start
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
@@ -70,27 +68,6 @@ MatrixXd columns_of(const std::vector<VectorXd>& fields) {
   return out;
 }
 
-// Whether tissue is strained well below the depth that is stated for it, as no support is: then it ends
-// deeper.
-bool strained_below(const TissueExtent& tissue, const Measured& m, double sign) {
-  if (!tissue.depth_stated) return false;
-  const KnownLength known = depth_known(tissue, tissue.depth_m, tissue.depth_m);
-  const double from_m = tissue.depth_m * std::exp(KnownLength::kContradicted * known.deviation);
-  double above = 0, below = 0, nodes_above = 0, nodes_below = 0, of_below = 0;
-  for (std::size_t n = 0; n < m.grid.size(); ++n) {
-    const double y_m = m.grid.y_m(n), strain = sign * m.axial_strain[n];
-    of_below += y_m > from_m;
-    if (!m.strain_valid[n] || y_m < (1 - kLastPart) * tissue.depth_m) continue;
-    if (y_m > from_m)
-      below += strain, ++nodes_below;
-    else if (y_m < tissue.depth_m)
-      above += strain, ++nodes_above;
-  }
-  const double rows = of_below / static_cast<double>(m.grid.nx);
-  return rows * m.grid.dy_m > kLeastBelowM && nodes_below > of_below / 2 &&
-         below / nodes_below > kStrained * above / nodes_above;
-}
-
 }  // namespace
 
 ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
@@ -106,17 +83,16 @@ int ProbeFitter::max_solves(FitEffort effort, bool pad) {
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign, FitEffort effort) {
   weigher_.begin();
   const Measured& measured = in.measured;
-  TissueExtent tissue = in.tissue;
-  if (strained_below(tissue, measured, sign)) tissue.depth_stated = false;
   const double top_m = in.tissue.pad ? 0 : top_of(measured), depth_m = in.tissue.depth_m - top_m;
   if (!(depth_m > 0))
     throw std::invalid_argument(
         fmt::format("tissue_depth_m: the tissue ends {:.1f} mm deep, but nothing was tracked above {:.1f} mm",
                     1e3 * in.tissue.depth_m, 1e3 * top_m));
   const double shown_m = measured.grid.y_m(measured.grid.size() - 1) + measured.grid.dy_m / 2 - top_m,
-               image_m = tissue.depth_stated ? std::min(shown_m, depth_m) : shown_m;
+               image_m = in.tissue.depth_stated || in.tissue.doubted_depth_m > 0 ? std::min(shown_m, depth_m)
+                                                                                 : shown_m;
   TissueWindow w{in.tissue.beside_m, in.tissue.beside_std_m, elevation_known(in.tissue, elevation_m),
-                 depth_known(tissue, depth_m, image_m)};
+                 depth_known(in.tissue, depth_m, image_m)};
   if (const std::optional<double> ratio = lateral_ratio(measured)) w.lateral_ratio = *ratio;
   const double pad_m = in.tissue.pad ? in.tissue.pad->thickness_m : 0;
   if (pad_m > 0) w.pad = pad_known(*in.tissue.pad, image_m);
@@ -147,14 +123,16 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   bool untried = !all;
   if (all) {
     // Tissue that ends may be shallower than is stated where tissue that goes on is not.
-    const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarFromStated * w.depth.deviation;
+    const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarBeyondImage * w.depth.deviation;
     untried = deep && effort != FitEffort::kAllStarts;
-    if (deep && !untried) try {
-        ProbeFace shallow = usual(w);
-        shallow.depth_m = image_m;
+    if (deep && !untried) {
+      ProbeFace shallow = usual(w);
+      shallow.depth_m = image_m;
+      try {
         starts.insert(starts.begin(), weigher_.weigh(w, shallow, true, 1));
       } catch (const std::invalid_argument&) {  // beyond what is modelled
       }
+    }
     const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
                                      return s.least().fit.rest;
                                    })->least();
@@ -343,16 +321,15 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   const double grading = all ? likeliest.fit.at[kGrading] : 0;
   out.rest = std::abs(grading) < kMaxGrading ? likeliest.fit.rest
                                              : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);
-  out.as_usual = !all && !(w.elevation.stated && w.depth.stated);
+  out.as_usual = !all && !(w.elevation.stated && (w.depth.stated || in.tissue.doubted_depth_m > 0));
   out.unweighed = untried && out.rest > kWellExplained;
   // Nor was it where the face is tilted so much.
   const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
   if (tilted) out.untried_log = kUnweighedLog;
   if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);
-  if (in.tissue.depth_stated && !w.depth.stated)
-    out.contradicted =
-        fmt::format("the tissue's depth is stated as {:.1f} mm, but tissue is strained below it",
-                    1e3 * in.tissue.depth_m);
+  if (const double doubted_m = in.tissue.doubted_depth_m; doubted_m > 0)
+    out.contradicted = fmt::format(
+        "the tissue's depth is stated as {:.1f} mm, but tissue is strained below it", 1e3 * doubted_m);
   put_into_words(order, all, grading, out);
   if (!out.contradicted.empty()) out.common_log = std::hypot(out.common_log, kContradictedLog);
   return out;

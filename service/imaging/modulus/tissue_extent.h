@@ -52,6 +52,7 @@ struct TissueExtent {
   // depth_m is known. What is not known is fitted.
   double probe_elevation_m = 0;
   bool depth_stated = true;
+  double doubted_depth_m = 0;  // that is stated, but not believed: depth_m is how deep there is strain
   // Standard deviations of what is stated; 0: taken as stated, of a solid as its fit usually takes it.
   double probe_elevation_std_m = 0;
   double depth_std_m = 0;

@@ -139,8 +139,6 @@ class TissueWeigher {
   const FineAnswer& fine(const ProbeFace&, bool with_skin);
   // The last of its cells, or with its solver where the mesh is the same. Throws alike.
   std::shared_ptr<ProbedTissue> solid(const ProbeFace&, double cell_m);
-  // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
-  CandidateTissue reference(TissueWindow&, const ProbeFace& start, int rounds);
   // The reference, which moves from its start in `rounds` less one; `all`: what else the tissue may be, too.
   WeighedTissues weigh(TissueWindow, const ProbeFace& start, bool all, int rounds);
   // To the window's strain, at one scale, or (0) that of what it leaves itself.
@@ -150,10 +148,12 @@ class TissueWeigher {
   void begin();  // a fit: counts its solves, and forgets what was kept where it is much
   int coarse_solves() const { return coarse_solves_; }
   static int max_coarse_solves(bool all, bool pad);  // of reference() and weigh() together
-  static int max_coarse_solves_of_reference(bool pad);
   void forget() { answers_.clear(), fine_.reset(), solids_ = {}; }
 
  private:
+  // Tissue that goes on, from `start` to where it is linear; the window is then about its face.
+  CandidateTissue reference(TissueWindow&, const ProbeFace& start, int rounds);
+  static int max_coarse_solves_of_reference(bool pad);
   const TissueAnswer& block_answer(const ProbeFace&, const CellGrid&);
   TissueAnswer answer_of(ProbedTissue&, const ProbeFace&) const;
   const TissueAnswer& keep(TissueAnswer);

@@ -326,8 +326,8 @@ TEST(ProbeFit, CountsTheSameForAPairAsOftenAsItComes) {
       EXPECT_EQ(again.log_deviation[n], first.log_deviation[n]);
     }
   }
-  for (const auto& [depth, pad] : {std::pair(false, false), {true, false}, {false, true}}) {
-    tissue.depth_stated = depth;
+  for (const auto& [depths, pad] : {std::pair(0., false), {1, false}, {1.5, false}, {0, true}}) {
+    tissue.depth_stated = depths > 0, tissue.depth_m = std::max(depths, 1.) * kDepthM;
     if (pad) tissue.pad = StandoffPad{0.007, 2 * kModulusPa, 0.0004, 0.1 * kModulusPa};
     const ModulusInput in{pressed.measured, kWidthM, tissue, std::nullopt, {}};
     ProbeFitter fitter(imaging_device()->queue(), {}, std::make_shared<StripCache>());
