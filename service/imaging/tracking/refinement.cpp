@@ -31,7 +31,7 @@ constexpr double kShortestM = 0.25e-3, kLongestM[] = {1.5e-3, 1.0e-3};  // later
 // Numbers of the model, two each, as in the kernels; the weights come first.
 constexpr std::size_t kNoise = 4, kMedian = 8, kLength = 10;
 
-constexpr std::size_t kGroupOfGpu = 512;
+constexpr std::size_t kGroupOfGpu = 1024;
 
 // An argument of kernels: Smoothing of smoothing.cl.
 struct Smoothing {
