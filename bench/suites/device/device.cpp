@@ -278,8 +278,7 @@ bool run_device(const Arguments& of) {
       if (!of_all.is_null() && of_all != result["of"])
         throw BenchError(
             fmt::format("the parts in {} are of another device, build or kind of run: {}, and {}; choose "
-                        "another folder for "
-                        "--out, or --force",
+                        "another folder for --out, or --force",
                         of.out, of_all.dump(), result["of"].dump()));
       of_all = result["of"];
       for (const auto& [key, value] : of_all.items())

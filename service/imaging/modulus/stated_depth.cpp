@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "service/base/squared.h"
 #include "service/imaging/modulus/weighed_tissues.h"
@@ -16,11 +17,11 @@ constexpr double kCertain = 2;          // standard deviations
 constexpr double kLeastMeasured = 0.5;  // of a band's nodes that must be measured
 
 struct RowsStrain {
-  double rows = 0, strain = 0, deviation = 0;  // deviation: by noise
+  double strain, deviation;  // the mean, and what noise makes of it
 };
 
-// Of the rows from `from_m` to `to_m`; no rows where too little of them is measured.
-RowsStrain strain_between(const Measured& m, double from_m, double to_m) {
+// Of the rows from `from_m` to `to_m`; empty where too little of them is measured.
+std::optional<RowsStrain> strain_between(const Measured& m, double from_m, double to_m) {
   double all = 0, measured = 0, sum = 0, squares = 0;
   for (std::size_t n = 0; n < m.grid.size(); ++n) {
     if (m.grid.y_m(n) < from_m || m.grid.y_m(n) >= to_m) continue;
@@ -30,7 +31,7 @@ RowsStrain strain_between(const Measured& m, double from_m, double to_m) {
   }
   if (!(measured > 0 && measured >= kLeastMeasured * all)) return {};
   const double places = std::max(1.0, measured * m.grid.dx_m * m.grid.dy_m / kAlikeM2);
-  return {all / static_cast<double>(m.grid.nx), sum / measured, std::sqrt(squares / measured / places)};
+  return RowsStrain{sum / measured, std::sqrt(squares / measured / places)};
 }
 
 }  // namespace
@@ -39,14 +40,15 @@ double strained_below(const TissueExtent& tissue, const Measured& m, double kern
   const double depth_m = tissue.depth_m,
                deviation = tissue.depth_std_m > 0 ? tissue.depth_std_m / depth_m : kLogStated,
                end_m = m.grid.y_m(m.grid.size() - 1) + m.grid.dy_m / 2;
-  const RowsStrain above = strain_between(m, (1 - kLastPart) * depth_m, depth_m - kernel_m / 2);
-  if (above.rows == 0 || above.strain == 0) return 0;
+  const auto above = strain_between(m, (1 - kLastPart) * depth_m, depth_m - kernel_m / 2);
+  if (!above || above->strain == 0) return 0;
   double strained_m = 0;
   for (double from_m = depth_m * std::exp(KnownLength::kContradicted * deviation) + kernel_m / 2;
        from_m + kBandM <= end_m; from_m += kBandM) {
-    const RowsStrain band = strain_between(m, from_m, from_m + kBandM);
-    const double noise = std::hypot(band.deviation, kStrained * above.deviation) / std::abs(above.strain);
-    if (band.rows == 0 || band.strain / above.strain < kStrained + kCertain * noise) break;
+    const auto band = strain_between(m, from_m, from_m + kBandM);
+    if (!band) break;
+    const double noise = std::hypot(band->deviation, kStrained * above->deviation) / std::abs(above->strain);
+    if (band->strain / above->strain < kStrained + kCertain * noise) break;
     strained_m = end_m - from_m < 2 * kBandM ? end_m : from_m + kBandM;
   }
   return strained_m;

@@ -6,8 +6,8 @@
 
 namespace teletact::service {
 
-// Of a depth that is stated: how deep there is strain where that is well below it, with rows of the grid; 0:
-// no deeper. `kernel_m`: the axial length over which the strain is a mean.
+// How deep there is strain where that is well below the depth that is stated; 0: it is not. `kernel_m`: the
+// axial length over which the strain is a mean.
 double strained_below(const TissueExtent&, const Measured&, double kernel_m);
 
 // Not stated, as deep as there is strain, where that is well below the depth that is.

@@ -25,6 +25,7 @@ constexpr double kUsualPad = 0.5;    // of ln of a pad's modulus over the tissue
 constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps between the places
 
 constexpr double kVary = 0.15, kTiltStep = 0.1;
+constexpr double kWorthless = 5;  // ln of the odds against a model that is not looked at closer
 constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
 constexpr int kRoundsOfOthers = 2;
 constexpr double kSkinBeside = 0.3;    // depths beside the face: nearer sides change what skin does

@@ -27,7 +27,6 @@ inline constexpr double kMaxTiltOfSides = 0.2;  // of the same: with more no sid
 inline constexpr double kLogStated = 0.1;       // of what is stated without a deviation of its own
 inline constexpr double kOtherLength = 0.25;    // of ln of depth or elevation: other tissue of the same kind
 inline constexpr double kLeastWeight = 0.01;    // of a tissue that counts
-inline constexpr double kWorthless = 5;         // ln of the odds against a model that is not looked at closer
 inline constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
 inline constexpr int kRoundsOfReference = 3;
 inline constexpr double kMostPadLog = 3;  // of ln of a pad's modulus over the tissue's
