@@ -47,6 +47,10 @@ std::string two(const json& s, const char* key) {
                      100 * s[key]["p95"].get<double>());
 }
 
+std::string range_of(const json& s) {
+  return fmt::format("{:+.1f} to {:+.1f} %", 100 * s["min"].get<double>(), 100 * s["max"].get<double>());
+}
+
 std::string place(const json& position_m) {
   return fmt::format("x {:.1f}, y {:.1f}, z {:.1f} mm", 1e3 * position_m[0].get<double>(),
                      1e3 * position_m[1].get<double>(), 1e3 * position_m[2].get<double>());
@@ -89,6 +93,21 @@ void judge_intervals(json& summary, const std::vector<FeltPose>& felt) {
   interval["held"] = double(std::ranges::count_if(felt, &FeltPose::held)) / double(felt.size());
   interval["stated"] = double(widths.size()) / double(felt.size());
   interval["half_width"] = widths.empty() ? json() : json(quantiles(widths).p50);
+}
+
+void judge_truth(json& summary, const std::vector<FeltPose>& felt) {
+  std::vector<double> truth, by_felt;
+  for (const FeltPose& f : felt)
+    if (f.other_n) {
+      truth.push_back(std::abs(f.true_n.y()) / *f.other_n - 1);
+      by_felt.push_back(std::abs(f.felt_n.y()) / *f.other_n - 1);
+    }
+  if (truth.empty()) return;
+  const auto range = [](const std::vector<double>& off) {
+    const auto [least, most] = std::ranges::minmax(off);
+    return json{{"median", quantiles(off).p50}, {"min", least}, {"max", most}};
+  };
+  summary["other_elements"] = {{"poses", truth.size()}, {"truth", range(truth)}, {"felt", range(by_felt)}};
 }
 
 void judge_slices(json& summary, const client::AcquireRecord& acquire,
@@ -174,20 +193,25 @@ std::string readable_from_rf(const json& s) {
 }
 
 std::string readable(const json& s) {
-  const auto range = [&](const char* key) {
-    return fmt::format("{:+.1f} to {:+.1f} %", 100 * s[key]["min"].get<double>(),
-                       100 * s[key]["max"].get<double>());
-  };
   const std::string plane =
       s.contains("plane_error")
           ? fmt::format("plane model   {}, through the finger's z, 10 mm thick\n", two(s, "plane_error"))
           : "";
-  return plane + fmt::format(
-                     "truth         at {} poses of {:.0f} s; its nodes put it off by {}, extrapolated from 1 "
-                     "and 0.5 mm "
-                     "(layers alone) and taken off\n              {}\n              {}\n",
-                     s["force_error"]["samples"].get<int>(), s["poses"].back()["time_s"].get<double>(),
-                     range("truths_nodes"), kOwn, kShared);
+  const std::string other =
+      s.contains("other_elements")
+          ? fmt::format(
+                "elements of 20 nodes, at {} poses: from their normal force the truth is {} away, "
+                "what is felt {}\n",
+                s["other_elements"]["poses"].get<int>(), range_of(s["other_elements"]["truth"]),
+                range_of(s["other_elements"]["felt"]))
+          : "";
+  return plane + other +
+         fmt::format(
+             "truth         at {} poses of {:.0f} s; its nodes put it off by {}, extrapolated from 1 "
+             "and 0.5 mm "
+             "(layers alone) and taken off\n              {}\n              {}\n",
+             s["force_error"]["samples"].get<int>(), s["poses"].back()["time_s"].get<double>(),
+             range_of(s["truths_nodes"]), kOwn, kShared);
 }
 
 void draw(const std::vector<FeltPose>& felt, const std::vector<Shadow>& shadows, bool with_plane,

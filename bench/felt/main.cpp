@@ -13,6 +13,7 @@
 
 #include "bench/felt/felt_summary.h"
 #include "bench/felt/patient_truth.h"
+#include "bench/independent/touched_block.h"
 #include "bench/suite.h"
 #include "client/acquire/solid_source.h"
 #include "client/files/file_io.h"
@@ -43,7 +44,7 @@ struct Options {
   std::string touch_record, out;
   std::uint64_t seed = 1;
   std::string tissue, modulus, acquire_record;  // of a patient that was imaged
-  std::size_t poses = 60;
+  std::size_t poses = 60, other_poses = 0;
 };
 
 service::Fingertip tip_of(const client::TouchRecord& touch) {
@@ -125,6 +126,27 @@ void solve(const TrueSolid& solid, const SolidPatient* plane, const service::Fin
   }
 }
 
+// At so many of the poses, evenly among them.
+void solve_by_other_elements(const TrueSolid& solid, const service::Fingertip& tip, std::size_t count,
+                             std::vector<FeltPose>& felt) {
+  if (count > 0 && tip.shape != service::FingertipShape::kRoundedTip)
+    throw BenchError("--other-poses: elements of 20 nodes are touched by a round tip alone");
+  for (std::size_t k = 0; k < count; ++k) {
+    show_progress(fmt::format("by elements of 20 nodes: pose {} of {}", k + 1, count));
+    FeltPose& f = felt[(2 * k + 1) * felt.size() / (2 * count)];
+    const double x_m = f.at[0], z_m = f.at[2];
+    f.other_n = round_touch_n(
+        {tip.radius_m,
+         f.at[1],
+         solid.depth_m + solid.bed_m,
+         solid.poisson_ratio,
+         solid.slides,
+         {solid.sides.left_m - x_m, solid.sides.right_m - x_m, solid.sides.near_m - z_m,
+          solid.sides.far_m - z_m},
+         [&](const Hexahedra::Point& p) { return solid.modulus_pa(x_m + p.x(), p.y(), z_m + p.z()); }});
+  }
+}
+
 // What a touch was, and where it is judged.
 struct Judged {
   client::TouchRecord touch;
@@ -181,8 +203,11 @@ bool run_from_rf(const Options& options) {
   Judged j = judged(options);
   if (const std::string mismatch = client::session_mismatch(j.touch, acquire); !mismatch.empty())
     std::fprintf(stderr, "warning: %s\n", mismatch.c_str());
-  solve(true_solid(tissue), nullptr, j.tip, j.felt);
+  const TrueSolid solid = true_solid(tissue);
+  solve(solid, nullptr, j.tip, j.felt);
+  solve_by_other_elements(solid, j.tip, std::min(options.other_poses, j.felt.size()), j.felt);
   json summary = judge(client::summarise(j.touch, TELETACT_VERSION), j.felt, j.coverage);
+  judge_truth(summary, j.felt);
   judge_intervals(summary, j.felt);
   judge_slices(summary, acquire, j.path);
   judge_lumps(summary, volume, tissue);
@@ -231,6 +256,9 @@ int main(int argc, char** argv) {
   tissue->needs(modulus)->needs(record);
   app.add_option("--poses", options.poses, "so many are judged, evenly over the touch")
       ->check(CLI::Range(1, 100000));
+  app.add_option("--other-poses", options.other_poses,
+                 "with --tissue: so many are solved by elements of 20 nodes, too; minutes each")
+      ->needs(tissue);
   app.add_option("--out", options.out, "folder for summary.json and the pictures")->required();
   try {
     app.parse(argc, argv);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <vector>
 
 #include "bench/suite.h"
 #include "client/acquire/solid_source.h"
@@ -31,6 +32,15 @@ double mean_modulus(const client::Tissue& tissue, double x_m, double y_m, double
   return sum / 8;
 }
 
+// Of the tissue, of its bed, of rollers.
+std::vector<double> rows(const TrueSolid& solid, std::size_t layers) {
+  constexpr int kOfBed = 5;
+  std::vector<double> y_m = service::graded_rows(solid.depth_m, layers, 1.03);
+  for (int n = 0; n < kOfBed && solid.bed_m > 0; ++n) y_m.push_back(y_m.back() + solid.bed_m / kOfBed);
+  if (solid.slides) y_m.push_back(2 * y_m.back() - y_m[y_m.size() - 2]);
+  return y_m;
+}
+
 }  // namespace
 
 TrueSolid true_solid(const SolidPatient& patient) {
@@ -44,36 +54,43 @@ TrueSolid true_solid(const client::Tissue& tissue) {
   const auto texture = std::make_shared<client::TrueModulus>(tissue);
   const auto even = std::make_shared<client::Tissue>(tissue);
   even->inclusions.clear();
-  return {tissue.probe.width_m / 2, tissue.depth_m, tissue.poisson_ratio,
-          [&tissue, texture, left_m](double x, double y, double z) {
-            return mean_modulus(tissue, x + left_m, y, z) * texture->texture(x + left_m, y, z);
-          },
-          [even](double y) { return even->true_modulus(even->width_m / 2, y); }};
+  const client::Solid& held = *tissue.solid;
+  const auto below = [&tissue, &held](double y) { return y > tissue.depth_m ? held.bed_modulus_pa : 0; };
+  TrueSolid out{tissue.probe.width_m / 2, tissue.depth_m, tissue.poisson_ratio,
+                [&tissue, below, texture, left_m](double x, double y, double z) {
+                  if (const double bed_pa = below(y); bed_pa > 0) return bed_pa;
+                  return mean_modulus(tissue, x + left_m, y, z) * texture->texture(x + left_m, y, z);
+                },
+                [even, below](double y) {
+                  const double bed_pa = below(y);
+                  return bed_pa > 0 ? bed_pa : even->true_modulus(even->width_m / 2, y);
+                }};
+  if (held.support == client::Support::kBed) out.bed_m = held.bed_depth_m;
+  out.slides = held.support == client::Support::kSliding;
+  out.sides = {-left_m, tissue.width_m - left_m, -held.elevational_width_m / 2, held.elevational_width_m / 2};
+  return out;
 }
 
 // The patient amid 128 x 128 mm.
 auto PatientTruth::nodes(const TrueSolid& solid) -> Place {
-  return {{128, 128, kNodeM, kNodeM, service::graded_rows(solid.depth_m, 48, 1.03)},
-          solid.middle_x_m - 0.0643,
-          -0.0643};
+  return {{128, 128, kNodeM, kNodeM, rows(solid, 48), solid.slides}, solid.middle_x_m - 0.0643, -0.0643};
 }
 // Of half that spacing, for layered tissue alone: so small a block is wide enough for it.
-auto PatientTruth::finest_nodes(double depth_m, const service::Vector3& pose) -> Place {
-  return {
-      {64, 64, 0.0005, 0.0005, service::graded_rows(depth_m, 72, 1.03)}, pose[0] - 0.0161, pose[2] - 0.0161};
+auto PatientTruth::finest_nodes(const TrueSolid& solid, const service::Vector3& pose) -> Place {
+  return {{64, 64, 0.0005, 0.0005, rows(solid, 72), solid.slides}, pose[0] - 0.0161, pose[2] - 0.0161};
 }
 
 PatientTruth::PatientTruth(const service::Queue& queue, const TrueSolid& solid, const service::Fingertip& tip)
     : queue_(queue),
       tip_(tip),
-      depth_m_(solid.depth_m),
+      solid_(solid),
       nodes_(nodes(solid)),
       tissue_(service::solid(
           nodes_.grid, solid.poisson_ratio,
           [&](double x, double y, double z) { return solid.modulus_pa(x + nodes_.x_m, y, z + nodes_.z_m); })),
       base_(queue, tissue_),
       layers_(queue, layered(solid, nodes_.grid)),
-      finest_layers_(queue, layered(solid, finest_nodes(solid.depth_m, {}).grid)) {}
+      finest_layers_(queue, layered(solid, finest_nodes(solid, {}).grid)) {}
 
 double PatientTruth::layered_n(service::SolidContact<double>& contact,
                                const service::Vector3& in_block) const {
@@ -87,7 +104,7 @@ auto PatientTruth::at(const service::Vector3& position_m) -> Force {
   const auto truth = contact.touch(tip_, nodes_.in_block(position_m), {.force_error = kForceError});
   if (!truth.solve.converged) throw BenchError(fmt::format("no true force: {}", truth.solve.reason));
   const double layered = layered_n(layers_, nodes_.in_block(position_m));
-  const double finest = layered_n(finest_layers_, finest_nodes(depth_m_, position_m).in_block(position_m));
+  const double finest = layered_n(finest_layers_, finest_nodes(solid_, position_m).in_block(position_m));
   Force out;
   out.nodes = 3 * layered / (4 * finest - layered);  // Richardson
   out.force_n = Eigen::Map<const Eigen::Vector3d>(truth.force_n.data()) / out.nodes;

@@ -6,25 +6,30 @@
 
 #include <functional>
 
+#include "bench/independent/touched_block.h"
 #include "client/patient/solid_patient.h"
 #include "client/patient/tissue.h"
 #include "service/contact/solid_contact.h"
 
 namespace teletact::bench {
 
-// Young's modulus (Pa) anywhere, in a scene's coordinates.
+// Young's modulus (Pa) anywhere, in a scene's coordinates, and what holds it.
 struct TrueSolid {
   double middle_x_m = 0;  // of what is touched
   double depth_m = 0, poisson_ratio = 0;
   std::function<double(double x_m, double y_m, double z_m)> modulus_pa;
   std::function<double(double y_m)> layered_pa;  // without lumps and texture
+  double bed_m = 0;                              // below depth_m, bonded to rigid ground
+  bool slides = false;                           // on its bottom
+  Sides sides{};                                 // free
 };
 // Both must outlive it.
 TrueSolid true_solid(const client::SolidPatient&);
 // As `acquire --slices` makes a scene of it: x from the left border of what the probe images, on its middle.
-// Of an element 1 mm wide the mean over eight points, its sides continued where they end.
+// Of an element 1 mm wide the mean over eight points.
 TrueSolid true_solid(const client::Tissue&);
 
+// Its sides continue where they end.
 class PatientTruth {
  public:
   static constexpr double kForceError = 1e-3;  // of the force, what its solver states
@@ -47,11 +52,11 @@ class PatientTruth {
     }
   };
   static Place nodes(const TrueSolid&);
-  static Place finest_nodes(double depth_m, const service::Vector3& pose);
+  static Place finest_nodes(const TrueSolid&, const service::Vector3& pose);
   double layered_n(service::SolidContact<double>&, const service::Vector3& in_block) const;
   const service::Queue queue_;
   const service::Fingertip tip_;
-  const double depth_m_;
+  const TrueSolid solid_;
   const Place nodes_;
   const service::SolidTissue tissue_;
   const service::SolidContact<double> base_;

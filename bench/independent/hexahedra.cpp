@@ -121,23 +121,34 @@ Hexahedra::Hexahedra(std::array<std::vector<double>, 3> lines) : lines_(std::mov
       }
 }
 
-Hexahedra::Solution Hexahedra::solve(const std::function<double(const Point&)>& modulus_pa,
-                                     double poisson_ratio, const Eigen::Matrix3Xd& prescribed_m) const {
-  constexpr double kTolerance = 1e-6;
-  constexpr int kSubdivisions = 4;  // of an eighth, along each axis, for its mean modulus
-  const auto stiffness = [&](const Element& e) {
-    Matrix k = Matrix::Zero();
-    for (int eighth = 0; eighth < 8; ++eighth) {
+Hexahedra::Moduli Hexahedra::means(const std::function<double(const Point&)>& modulus_pa) const {
+  constexpr int kSubdivisions = 4;  // of an eighth, along each axis
+  Moduli moduli(elements_.size());
+  for (std::size_t n = 0; n < moduli.size(); ++n)
+    for (unsigned eighth = 0; eighth < 8; ++eighth) {
       const Point corner(eighth & 1, (eighth >> 1) & 1, eighth >> 2);
       double log_modulus = 0;
       for (int a = 0; a < kSubdivisions; ++a)
         for (int b = 0; b < kSubdivisions; ++b)
           for (int c = 0; c < kSubdivisions; ++c) {
             const Point inside = (Point(a, b, c).array() + .5) / kSubdivisions;
-            log_modulus += std::log(modulus_pa(e.begin_m + e.size_m.cwiseProduct((corner + inside) / 2)));
+            log_modulus += std::log(
+                modulus_pa(elements_[n].begin_m + elements_[n].size_m.cwiseProduct((corner + inside) / 2)));
           }
-      k += std::exp(log_modulus / std::pow(kSubdivisions, 3)) *
-           stiffness_of(e.size_m, (2 * corner.array() - 1) / std::sqrt(3), poisson_ratio);
+      moduli[n][eighth] = std::exp(log_modulus / std::pow(kSubdivisions, 3));
+    }
+  return moduli;
+}
+
+Hexahedra::Solution Hexahedra::solve(const Moduli& moduli_pa, double poisson_ratio,
+                                     const Eigen::Matrix3Xd& prescribed_m) const {
+  constexpr double kTolerance = 1e-6;
+  const auto stiffness = [&](std::size_t element) {
+    Matrix k = Matrix::Zero();
+    for (unsigned eighth = 0; eighth < 8; ++eighth) {
+      const Point corner(eighth & 1, (eighth >> 1) & 1, eighth >> 2);
+      k += moduli_pa[element][eighth] *
+           stiffness_of(elements_[element].size_m, (2 * corner.array() - 1) / std::sqrt(3), poisson_ratio);
     }
     return k;
   };
@@ -149,8 +160,9 @@ Hexahedra::Solution Hexahedra::solve(const std::function<double(const Point&)>& 
     if (std::isnan(prescribed[static_cast<Eigen::Index>(d)])) unknown[d] = unknowns++;
   std::vector<Eigen::Triplet<double>> entries;
   Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
-  for (const Element& e : elements_) {
-    const Matrix k = stiffness(e);
+  for (std::size_t n = 0; n < elements_.size(); ++n) {
+    const Element& e = elements_[n];
+    const Matrix k = stiffness(n);
     for (Eigen::Index a = 0; a < k.rows(); ++a) {
       const int row = unknown[static_cast<std::size_t>(e.dof(a))];
       if (row < 0) continue;
@@ -181,10 +193,11 @@ Hexahedra::Solution Hexahedra::solve(const std::function<double(const Point&)>& 
   Solution s{prescribed_m, Eigen::Matrix3Xd::Zero(3, prescribed_m.cols())};
   for (std::size_t d = 0; d < unknown.size(); ++d)
     if (unknown[d] >= 0) s.displacement_m.data()[d] = free[unknown[d]];
-  for (const Element& e : elements_) {
+  for (std::size_t n = 0; n < elements_.size(); ++n) {
+    const Element& e = elements_[n];
     Eigen::Vector<double, 3 * kNodes> moved;
     for (Eigen::Index a = 0; a < moved.size(); ++a) moved[a] = s.displacement_m.data()[e.dof(a)];
-    moved = stiffness(e) * moved;
+    moved = stiffness(n) * moved;
     for (Eigen::Index a = 0; a < moved.size(); ++a) s.force_n.data()[e.dof(a)] += moved[a];
   }
   return s;

@@ -22,13 +22,16 @@ class Hexahedra {
   Eigen::Index size() const { return static_cast<Eigen::Index>(nodes_.size()); }
   const Point& node(Eigen::Index n) const { return nodes_[static_cast<std::size_t>(n)]; }
 
+  // Pa, of the eighths of each element that its integration points stand for.
+  using Moduli = std::vector<std::array<double, 8>>;
+  Moduli means(const std::function<double(const Point&)>& modulus_pa) const;
+
   struct Solution {
     Eigen::Matrix3Xd displacement_m, force_n;  // of the nodes; forces that hold what is prescribed
   };
   // `prescribed_m`: displacements, 3 x size(), NaN where free. Throws std::runtime_error where it does not
   // converge.
-  Solution solve(const std::function<double(const Point&)>& modulus_pa, double poisson_ratio,
-                 const Eigen::Matrix3Xd& prescribed_m) const;
+  Solution solve(const Moduli& moduli_pa, double poisson_ratio, const Eigen::Matrix3Xd& prescribed_m) const;
 
   // By the shape functions of the element that has the point, or is the nearest.
   Point at(const Point& point, const Eigen::Matrix3Xd& of_nodes) const;

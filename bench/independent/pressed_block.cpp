@@ -40,6 +40,8 @@ double Block::true_modulus(double x_m, double y_m, double z_m) const {
 }
 
 PressedBlock::PressedBlock(const Block& block) : block_(block), mesh_(mesh_of(block)) {
+  const Hexahedra::Moduli moduli_pa =
+      mesh_.means([&](const Hexahedra::Point& p) { return block.true_modulus(p.x(), p.y(), p.z()); });
   const auto solve = [&](bool tilted) {
     constexpr double kNear = 1e-9, kFree = std::numeric_limits<double>::quiet_NaN();
     Eigen::Matrix3Xd prescribed_m = Eigen::Matrix3Xd::Constant(3, mesh_.size(), kFree);
@@ -54,8 +56,7 @@ PressedBlock::PressedBlock(const Block& block) : block_(block), mesh_(mesh_of(bl
       if (block.bonded_face) u.setZero();
       u.y() = tilted ? block.tilt * p.x() : block.push_m;
     }
-    return mesh_.solve([&](const Hexahedra::Point& p) { return block.true_modulus(p.x(), p.y(), p.z()); },
-                       block.poisson_ratio, prescribed_m);
+    return mesh_.solve(moduli_pa, block.poisson_ratio, prescribed_m);
   };
   const Hexahedra::Solution pushed = solve(false);
   pushed_m_ = pushed.displacement_m;

@@ -9,6 +9,7 @@
 
 #include "bench/independent/plane_waves.h"
 #include "bench/independent/pressed_block.h"
+#include "bench/independent/touched_block.h"
 
 namespace teletact::bench {
 namespace {
@@ -39,7 +40,7 @@ TEST(Hexahedra, UnevenBoxesCarryAnyUniformStrain) {
       ++inner;
   }
   ASSERT_GT(inner, 10);
-  const auto solution = mesh.solve(modulus, kPoissonRatio, prescribed);
+  const auto solution = mesh.solve(mesh.means(modulus), kPoissonRatio, prescribed);
   for (Eigen::Index n = 0; n < mesh.size(); ++n)
     EXPECT_LT((solution.displacement_m.col(n) - gradient * mesh.node(n)).norm(), 1e-6);
   const Hexahedra::Point between(.07, 1.3, .11);
@@ -60,7 +61,7 @@ TEST(Hexahedra, ABarPressedBetweenSlidingPlatesIsExact) {
     if (p.y() == 0) prescribed(1, n) = push_m;
     if (p.y() == length_m) prescribed(1, n) = 0;
   }
-  const auto solution = mesh.solve(modulus, kPoissonRatio, prescribed);
+  const auto solution = mesh.solve(mesh.means(modulus), kPoissonRatio, prescribed);
   double force_n = 0;
   for (Eigen::Index n = 0; n < mesh.size(); ++n)
     if (mesh.node(n).y() == 0) force_n += solution.force_n(1, n);
@@ -90,6 +91,32 @@ TEST(PressedBlock, AColumnIsPressedLikeABar) {
   const double force_n = PressedBlock(block).force_n(), bar_n = kModulusPa * .006 * .006 * .01;
   EXPECT_GT(force_n, bar_n);
   EXPECT_LT(force_n, 1.1 * bar_n);
+}
+
+class RoundTouchTest : public testing::Test {
+ protected:
+  RoundTouchTest() {
+    touch_.depth_m = .006, touch_.indentation_m = .0005;
+    touch_.modulus_pa = [](const Hexahedra::Point&) { return kModulusPa; };
+  }
+  RoundTouch touch_;
+};
+
+// Dimitriadis et al. (2002), of thin incompressible layers.
+TEST_F(RoundTouchTest, AThinLayerBearsMoreThanAHalfSpace) {
+  const double radius_m = std::sqrt(touch_.radius_m * touch_.indentation_m), x = radius_m / touch_.depth_m,
+               hertz_n = 4. / 3 * kModulusPa / (1 - kPoissonRatio * kPoissonRatio) * radius_m *
+                         touch_.indentation_m;
+  EXPECT_NEAR(round_touch_n(touch_, 2) / hertz_n, 1 + x * (1.133 + x * (1.283 + x * (.769 + x * .0975))),
+              .03);
+}
+
+TEST_F(RoundTouchTest, ABottomThatSlidesAndSidesThatEndGiveWay) {
+  const double held_n = round_touch_n(touch_, 1);
+  RoundTouch sliding = touch_, narrow = touch_;
+  sliding.slides = true, narrow.sides = {-.004, .004, -.004, .004};
+  EXPECT_NEAR(round_touch_n(sliding, 1) / held_n, .89, .03);  // 1.396 / 1.550, by the same source
+  EXPECT_LT(round_touch_n(narrow, 1), .8 * held_n);
 }
 
 class PlaneWavesTest : public testing::Test {
