@@ -29,9 +29,7 @@ double round_touch_n(const RoundTouch& touch, double across) {
     for (Eigen::Index n = 0; n < mesh.size(); ++n) {
       const Hexahedra::Point& p = mesh.node(n);
       const double r = std::hypot(p.x(), p.z());
-      if (std::max(std::abs(p.x()), std::abs(p.z())) > far_m - kNear)
-        prescribed_m.col(n).setZero();
-      else if (p.y() > touch.depth_m - kNear)
+      if (p.y() > touch.depth_m - kNear)
         prescribed_m.col(n) = touch.slides ? Hexahedra::Point(kFree, 0, kFree) : Hexahedra::Point::Zero();
       else if (p.y() < kNear && r < radius_m)
         prescribed_m(1, n) = touch.indentation_m - r * r / (2 * touch.radius_m);

@@ -17,7 +17,7 @@ struct Sides {
 struct RoundTouch {
   double radius_m = .008, indentation_m = .002, depth_m = .040, poisson_ratio = .49;
   bool slides = false;  // on its bottom; else it is bonded there
-  Sides sides{};        // free; where they are far it goes on
+  Sides sides{};        // free; 2.5 depths away at most
   std::function<double(const Hexahedra::Point&)> modulus_pa;
 };
 

@@ -14,7 +14,7 @@ enum class ErrorTerm : std::uint8_t {
   kSolver,        // the equations on these nodes, and layers that have drifted from those solved with
   kMesh,          // nodes so far apart
   kFiniteStrain,  // a linear model of what is pressed so deep
-  kModulus,       // Young's modulus of what is felt, where it was measured
+  kModulus,       // Young's modulus of what is felt, and what that rests on, where it was measured
   kModel,         // what a cheaper model than the solid leaves out of the tissue (T9.5)
   kDimension,     // a plane that stands for a solid (T9.7)
   kContext,       // tissue beside what was given (T9.6)

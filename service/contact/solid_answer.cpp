@@ -141,6 +141,12 @@ double stiffening(const Fingertip& tip, double indentation_m) {
   return std::pow(indentation_m / tip.radius_m, kPower);
 }
 
+double sliding(const Fingertip& tip, double indentation_m, double depth_m) {
+  constexpr double kNarrow = 0.4, kWide = 0.3;
+  const double narrow = std::sqrt(tip.radius_m * indentation_m) / depth_m;
+  return std::min(1.0, narrow * (kNarrow + kWide * narrow));
+}
+
 void set_forces(const SolidEnergy& energy, ContactAnswer& answer) {
   answer.state = ContactState::kContact;
   answer.energy_j = energy.value;

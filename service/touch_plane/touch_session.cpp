@@ -1,4 +1,3 @@
-// A session, and what its scene may put an answer's force off by: read together, since it says so with each.
 #include "service/touch_plane/touch_session.h"
 
 #include <fmt/format.h>
@@ -14,6 +13,7 @@
 #include "service/base/force_budget.h"
 #include "service/device/device.h"
 #include "service/scene/slices.h"
+#include "service/touch_plane/scene_errors.h"
 
 namespace teletact::service {
 namespace {
@@ -46,61 +46,6 @@ bool finite(const ContactAnswer& c) {
   };
   return all_finite(c.force_n) && all_finite(c.tangent_n_m) && std::isfinite(c.energy_j) &&
          std::all_of(c.pressure.begin(), c.pressure.end(), known);
-}
-
-// Of a tip that stands above it, a light touch's.
-FeltPlace felt_by(const Fingertip& tip, const Layer& layer, const TouchPose& pose) {
-  constexpr double kLeastM = 1e-3;
-  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
-  const double pressed_m = std::max(choices::kLightTouch, indentation_m(layer, pose)),
-               radius_m = round ? std::sqrt(tip.radius_m * pressed_m) : tip.half_width_m;
-  return {pose.position_m[0], layer.depth_m, pose.position_m[2], std::max(kLeastM, radius_m)};
-}
-
-// What a scene adds to what the model of a touch says that it may be off by: how well its modulus is known,
-// and tissue that nobody gave.
-
-// Standard deviation of ln E of what is felt there: of a solid's slices; of a plane the median over its
-// window (where it states none that of tissue nobody measured, and what the window's places share). Nothing
-// where the modulus was given.
-std::optional<FeltDeviation> stated_log_deviation(const SceneSnapshot& snapshot, const WindowModel& window,
-                                                  const FeltPlace& place) {
-  if (snapshot.modulus) return felt_log_deviation(*snapshot.modulus, place);
-  if (!window.evidence) return std::nullopt;  // given
-  const WindowEvidence& e = *window.evidence;
-  return FeltDeviation{e.log_deviation > 0 ? e.log_deviation
-                                           : std::hypot(choices::kUnseenDeviation, e.common_deviation)};
-}
-
-// The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond it
-// is three times as stiff or as soft: the share of the force that is borne there (T9.6) times ln 3.
-struct Beside {
-  double away_m = HUGE_VAL, share = 0;
-};
-
-Beside beside_what_was_given(const Region& region, const Fingertip& tip, const TouchPose& pose,
-                             double depth_m) {
-  constexpr double kBesideShare = 0.07;
-  const auto& [x_m, d_m, z_m] = pose.position_m;
-  const bool round = tip.shape == FingertipShape::kRoundedTip || tip.shape == FingertipShape::kSphere;
-  if (!region.z || !round || !(d_m > 0)) return {};
-  const double radius_m = std::sqrt(tip.radius_m * d_m),
-               away_m = std::max(0.0, std::min({x_m - region.begin_x_m, region.end_x_m - x_m,
-                                                z_m - region.z->begin_m, region.z->end_m - z_m}));
-  const double borne = kBesideShare * depth_m * radius_m / (away_m * (away_m + depth_m / 4));
-  return {away_m, std::min(0.5, borne) * std::log(3)};
-}
-
-// To the budget of an answer that has one, which that of a round tip has.
-void add_scene_errors(const std::optional<FeltDeviation>& log_deviation, const Beside& beside,
-                      double stiffening, ContactAnswer& contact) {
-  if (contact.budget.terms().empty()) return;
-  if (beside.share > 0)
-    contact.budget.add({ErrorTerm::kContext, TermKind::kEstimate, beside.share / ForceBudget::kOf95});
-  if (log_deviation) contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation, log_deviation->measured});
-  if (log_deviation && log_deviation->between > 0)
-    contact.budget.add({ErrorTerm::kSlices, TermKind::kDeviation, log_deviation->between});
-  contact.budget.above = stiffening;
 }
 
 }  // namespace
@@ -371,20 +316,15 @@ std::string TouchSession::doubt(const ContactAnswer& c, const SceneSnapshot& sna
   return "";
 }
 
-double TouchSession::stiffening_at(const TouchPose& pose) const {
-  return scene_->geometry().linear ? 0 : stiffening(options_.fingertip, pose.position_m[1]);
-}
-
 void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, const TouchPose& pose) const {
   const ContactAnswer& c = answer.contact;
   if (!finite(c)) throw std::runtime_error("the contact solve gave a force that is not finite");
   // These are said, but no reason to fade the force: it is the linear model's on this mesh, and continuous.
   answer.warning = c.remark;
   if (c.state == ContactState::kNoContact) return;
-  const Beside beside = beside_what_was_given(window_->region, options_.fingertip, pose,
-                                              scene_->geometry().depth_m - layer_.depth_m);
-  answer.log_deviation = stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose));
-  add_scene_errors(answer.log_deviation, beside, stiffening_at(pose), answer.contact);
+  const SceneErrors errors = scene_errors(*scene_, snapshot, *window_, options_.fingertip, layer_, pose);
+  answer.log_deviation = errors.log_deviation;
+  errors.add_to(answer.contact);
   const auto say = [&answer](const std::string& words) {
     answer.warning += (answer.warning.empty() ? "" : "; ") + words;
   };
@@ -396,10 +336,10 @@ void TouchSession::judge(TouchAnswer& answer, const SceneSnapshot& snapshot, con
   if (const double off = ForceBudget::kOf95 * answer.contact.budget.relative(ErrorTerm::kModel);
       options_.path != SolvePath::kAuto && off > Tolerance{}.relative)
     say(fmt::format("the model that was asked for may put the force off by {:.2g} of it", off));
-  if (beside.share > Tolerance{}.relative)
+  if (errors.beyond_end > Tolerance{}.relative)
     say(fmt::format(
         "{:.0f} mm from here ends the tissue that was given: a lump beyond may change the force by {:.2g}",
-        1e3 * beside.away_m, beside.share));
+        1e3 * errors.end_away_m, errors.beyond_end));
   if (c.strain_beyond_linear)
     say(fmt::format("strain {:.2f} under the finger is beyond linear elasticity", c.largest_strain));
   if (!answer.window_flags.empty())
@@ -413,10 +353,7 @@ std::optional<ForeseenTouch> TouchSession::foresee(const SceneSnapshot& snapshot
   const TouchPose pose = at_indentation(layer_, above, choices::kLightTouch);
   const auto& [x_m, y_m, z_m] = pose.position_m;
   ForeseenTouch touch{{x_m, layer_.depth_m + y_m, z_m}, touched_->answer(options_.fingertip, pose)};
-  add_scene_errors(stated_log_deviation(snapshot, *window_, felt_by(options_.fingertip, layer_, pose)),
-                   beside_what_was_given(window_->region, options_.fingertip, pose,
-                                         scene_->geometry().depth_m - layer_.depth_m),
-                   stiffening_at(pose), touch.contact);
+  scene_errors(*scene_, snapshot, *window_, options_.fingertip, layer_, pose).add_to(touch.contact);
   if (touch.contact.state == ContactState::kNoContact || !finite(touch.contact) ||
       !doubt(touch.contact, snapshot, pose).empty())
     return std::nullopt;

@@ -99,7 +99,6 @@ class TouchSession {
   ContactAnswer answered(const TouchPose&);
   void touch_into(TouchAnswer&, const TouchPose&);
   void judge(TouchAnswer&, const SceneSnapshot&, const TouchPose&) const;
-  double stiffening_at(const TouchPose&) const;  // 0 in tissue that is stated to be linear
   std::string doubt(const ContactAnswer&, const SceneSnapshot&, const TouchPose&) const;
   double measured_share(const StitchedMap&, double x_m) const;
   std::optional<ForeseenTouch> foresee(const SceneSnapshot&, const TouchPose&);

@@ -81,7 +81,7 @@ std::vector<RealRow> independent_rows() {
     block.contrast = contrast;
     const bool wrong = stated.elevation != 1 || stated.depth != 1;
     rows.push_back(
-        {"independent: " + name, contrast, quick,
+        {std::string(kIndependent) + name, contrast, quick,
          [=](std::uint64_t seed, double) { return window_of(block, waves, stated, *solved, seed); },
          wrong                             ? Truth::kStatedWrongly
          : block.pad_m > 0 && !stated.bare ? Truth::kUnderPad

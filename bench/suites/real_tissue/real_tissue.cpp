@@ -63,13 +63,12 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealResult, name, estimator, contrast_of_lump
                                    coverage, coverage_worst, deviation, deviation_spread, skin_held,
                                    background_held, lump_held, tracking_m, seconds, processor_s, modulus_s,
                                    said)
-// The same of the promised estimator, for a page that people read: its lumps of 5 are among the rows alone.
+// What of it people read on a page, of the promised estimator; lumps of 5 are among the rows alone.
 struct RealLine {
   std::string row, background, contrast, ramp, coverage, held, said;
-  double off = kNan, stated_spread = kNan, skin_held = kNan;
+  double skin_held = kNan;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealLine, row, background, contrast, ramp, coverage, held, said, off,
-                                   stated_spread, skin_held)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealLine, row, background, contrast, ramp, coverage, held, said, skin_held)
 struct RealFigures {
   std::vector<RealResult> rows;
   std::vector<RealLine> without_lump, lump_of_3, independent;
@@ -145,15 +144,13 @@ std::string held(const RealResult& r) {
 }
 
 RealLine line_of(const RealResult& r) {
-  return {r.name,
+  return {r.name.starts_with(kIndependent) ? r.name.substr(kIndependent.size()) : r.name,
           pair(r.background, r.background_worst),
           pair(r.contrast, r.contrast_worst),
           pair(r.ramp, r.ramp_worst),
           pair(r.coverage, r.coverage_worst),
           held(r),
           r.said,
-          r.off,
-          r.deviation_spread,
           r.skin_held};
 }
 

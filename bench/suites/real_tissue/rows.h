@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/patient/tissue.h"
@@ -42,7 +43,8 @@ std::vector<RealRow> patient_rows();
 
 // 10 kPa, 40 mm deep, bonded, under a bonded face of 38 x 8 mm, by finite elements and RF that share nothing
 // with the patient's; a sphere 15 mm deep where the row has contrast. Rows of the same tissue share its
-// solution.
+// solution. Their names begin so.
+inline constexpr std::string_view kIndependent = "independent: ";
 std::vector<RealRow> independent_rows();
 
 }  // namespace teletact::bench
