@@ -28,7 +28,7 @@ constexpr const char* kShared =
     "the contact's programme, the shape of the tip and the rule of its skin";
 constexpr const char* kOwn =
     "the truth's own: the patient's modulus at each element (no slices), nodes 1 mm apart (the service's: 2) "
-    "at other places, finer rows, more tissue around, double, each pose solved anew";
+    "at other places, its support, finer rows, more tissue around, double, each pose solved anew";
 
 template <class Value>
 json quantiles_of(const std::vector<FeltPose>& felt, const Value& value) {
@@ -95,19 +95,21 @@ void judge_intervals(json& summary, const std::vector<FeltPose>& felt) {
   interval["half_width"] = widths.empty() ? json() : json(quantiles(widths).p50);
 }
 
-void judge_truth(json& summary, const std::vector<FeltPose>& felt) {
+void judge_by_20_nodes(json& summary, const std::vector<FeltPose>& felt) {
   std::vector<double> truth, by_felt;
-  for (const FeltPose& f : felt)
-    if (f.other_n) {
-      truth.push_back(std::abs(f.true_n.y()) / *f.other_n - 1);
-      by_felt.push_back(std::abs(f.felt_n.y()) / *f.other_n - 1);
-    }
+  for (std::size_t n = 0; n < felt.size(); ++n) {
+    const FeltPose& f = felt[n];
+    if (!f.by_20_nodes_n) continue;
+    summary["poses"][n]["by_20_nodes_n"] = *f.by_20_nodes_n;
+    truth.push_back(std::abs(f.true_n.y()) / *f.by_20_nodes_n - 1);
+    by_felt.push_back(std::abs(f.felt_n.y()) / *f.by_20_nodes_n - 1);
+  }
   if (truth.empty()) return;
-  const auto range = [](const std::vector<double>& off) {
+  const auto spread = [](const std::vector<double>& off) {
     const auto [least, most] = std::ranges::minmax(off);
     return json{{"median", quantiles(off).p50}, {"min", least}, {"max", most}};
   };
-  summary["other_elements"] = {{"poses", truth.size()}, {"truth", range(truth)}, {"felt", range(by_felt)}};
+  summary["by_20_nodes"] = {{"poses", truth.size()}, {"truth", spread(truth)}, {"felt", spread(by_felt)}};
 }
 
 void judge_slices(json& summary, const client::AcquireRecord& acquire,
@@ -197,15 +199,15 @@ std::string readable(const json& s) {
       s.contains("plane_error")
           ? fmt::format("plane model   {}, through the finger's z, 10 mm thick\n", two(s, "plane_error"))
           : "";
-  const std::string other =
-      s.contains("other_elements")
+  const std::string by_20_nodes =
+      s.contains("by_20_nodes")
           ? fmt::format(
-                "elements of 20 nodes, at {} poses: from their normal force the truth is {} away, "
-                "what is felt {}\n",
-                s["other_elements"]["poses"].get<int>(), range_of(s["other_elements"]["truth"]),
-                range_of(s["other_elements"]["felt"]))
+                "20 nodes      at {} poses, sides that end: from their normal force the truth is {} "
+                "away, what is felt {}\n",
+                s["by_20_nodes"]["poses"].get<int>(), range_of(s["by_20_nodes"]["truth"]),
+                range_of(s["by_20_nodes"]["felt"]))
           : "";
-  return plane + other +
+  return plane + by_20_nodes +
          fmt::format(
              "truth         at {} poses of {:.0f} s; its nodes put it off by {}, extrapolated from 1 "
              "and 0.5 mm "

@@ -23,7 +23,7 @@ struct FeltPose {
   double time_s = 0, way_m = 0;  // since the first
   service::Vector3 at{};
   Eigen::Vector3d felt_n, true_n, plane_n;
-  std::optional<double> other_n;  // the true normal force by elements of another kind, where it was solved
+  std::optional<double> by_20_nodes_n;  // the true normal force by elements of 20 nodes, where it was solved
   double truths_nodes = 1;  // of layered tissue: force on the truth's nodes over that on ever finer ones
   // What the newest answer states that the force may be off by, over it; none: it stated nothing.
   std::optional<double> half_width;
@@ -41,8 +41,8 @@ nlohmann::json judge(nlohmann::json summary, const std::vector<FeltPose>& felt, 
 void judge_plane(nlohmann::json& summary, const std::vector<FeltPose>& felt);
 // How much of the path the stated intervals hold, and how wide they are.
 void judge_intervals(nlohmann::json& summary, const std::vector<FeltPose>& felt);
-// The truth's normal force, and the felt one, beside that by elements of another kind.
-void judge_truth(nlohmann::json& summary, const std::vector<FeltPose>& felt);
+// The truth's normal force, and the felt one, beside that by elements of 20 nodes. After judge().
+void judge_by_20_nodes(nlohmann::json& summary, const std::vector<FeltPose>& felt);
 // What had been imaged where the finger was when it was there.
 void judge_slices(nlohmann::json& summary, const client::AcquireRecord& acquire,
                   const std::vector<client::TouchTick>& path);

@@ -44,7 +44,7 @@ struct Options {
   std::string touch_record, out;
   std::uint64_t seed = 1;
   std::string tissue, modulus, acquire_record;  // of a patient that was imaged
-  std::size_t poses = 60, other_poses = 0;
+  std::size_t poses = 60, poses_by_20_nodes = 0;
 };
 
 service::Fingertip tip_of(const client::TouchRecord& touch) {
@@ -127,19 +127,18 @@ void solve(const TrueSolid& solid, const SolidPatient* plane, const service::Fin
 }
 
 // At so many of the poses, evenly among them.
-void solve_by_other_elements(const TrueSolid& solid, const service::Fingertip& tip, std::size_t count,
-                             std::vector<FeltPose>& felt) {
-  if (count > 0 && tip.shape != service::FingertipShape::kRoundedTip)
-    throw BenchError("--other-poses: elements of 20 nodes are touched by a round tip alone");
+void solve_by_20_nodes(const TrueSolid& solid, const service::Fingertip& tip, std::size_t count,
+                       std::vector<FeltPose>& felt) {
   for (std::size_t k = 0; k < count; ++k) {
     show_progress(fmt::format("by elements of 20 nodes: pose {} of {}", k + 1, count));
     FeltPose& f = felt[(2 * k + 1) * felt.size() / (2 * count)];
     const double x_m = f.at[0], z_m = f.at[2];
-    f.other_n = round_touch_n(
+    f.by_20_nodes_n = round_touch_n(
         {tip.radius_m,
          f.at[1],
-         solid.depth_m + solid.bed_m,
+         solid.depth_m,
          solid.poisson_ratio,
+         solid.bed_m,
          solid.slides,
          {solid.sides.left_m - x_m, solid.sides.right_m - x_m, solid.sides.near_m - z_m,
           solid.sides.far_m - z_m},
@@ -204,10 +203,12 @@ bool run_from_rf(const Options& options) {
   if (const std::string mismatch = client::session_mismatch(j.touch, acquire); !mismatch.empty())
     std::fprintf(stderr, "warning: %s\n", mismatch.c_str());
   const TrueSolid solid = true_solid(tissue);
+  if (options.poses_by_20_nodes > 0 && j.tip.shape != service::FingertipShape::kRoundedTip)
+    throw BenchError("--poses-by-20-nodes: a round tip alone");
   solve(solid, nullptr, j.tip, j.felt);
-  solve_by_other_elements(solid, j.tip, std::min(options.other_poses, j.felt.size()), j.felt);
+  solve_by_20_nodes(solid, j.tip, std::min(options.poses_by_20_nodes, j.felt.size()), j.felt);
   json summary = judge(client::summarise(j.touch, TELETACT_VERSION), j.felt, j.coverage);
-  judge_truth(summary, j.felt);
+  judge_by_20_nodes(summary, j.felt);
   judge_intervals(summary, j.felt);
   judge_slices(summary, acquire, j.path);
   judge_lumps(summary, volume, tissue);
@@ -256,7 +257,7 @@ int main(int argc, char** argv) {
   tissue->needs(modulus)->needs(record);
   app.add_option("--poses", options.poses, "so many are judged, evenly over the touch")
       ->check(CLI::Range(1, 100000));
-  app.add_option("--other-poses", options.other_poses,
+  app.add_option("--poses-by-20-nodes", options.poses_by_20_nodes,
                  "with --tissue: so many are solved by elements of 20 nodes, too; minutes each")
       ->needs(tissue);
   app.add_option("--out", options.out, "folder for summary.json and the pictures")->required();

@@ -50,22 +50,25 @@ TrueSolid true_solid(const SolidPatient& patient) {
 }
 
 TrueSolid true_solid(const client::Tissue& tissue) {
+  if (!tissue.solid) throw BenchError("--tissue: it has no [solid]");
+  const client::Solid& held = *tissue.solid;
   const double left_m = client::slice_window_x_m(tissue);
   const auto texture = std::make_shared<client::TrueModulus>(tissue);
   const auto even = std::make_shared<client::Tissue>(tissue);
   even->inclusions.clear();
-  const client::Solid& held = *tissue.solid;
-  const auto below = [&tissue, &held](double y) { return y > tissue.depth_m ? held.bed_modulus_pa : 0; };
+  // Below the tissue its bed; rollers are as the tissue above them.
+  const bool bed = held.support == client::Support::kBed;
+  const auto in_bed = [bed, &tissue](double y) { return bed && y > tissue.depth_m; };
   TrueSolid out{tissue.probe.width_m / 2, tissue.depth_m, tissue.poisson_ratio,
-                [&tissue, below, texture, left_m](double x, double y, double z) {
-                  if (const double bed_pa = below(y); bed_pa > 0) return bed_pa;
-                  return mean_modulus(tissue, x + left_m, y, z) * texture->texture(x + left_m, y, z);
+                [&tissue, &held, in_bed, texture, left_m](double x, double y, double z) {
+                  return in_bed(y)
+                             ? held.bed_modulus_pa
+                             : mean_modulus(tissue, x + left_m, y, z) * texture->texture(x + left_m, y, z);
                 },
-                [even, below](double y) {
-                  const double bed_pa = below(y);
-                  return bed_pa > 0 ? bed_pa : even->true_modulus(even->width_m / 2, y);
+                [&held, in_bed, even](double y) {
+                  return in_bed(y) ? held.bed_modulus_pa : even->true_modulus(even->width_m / 2, y);
                 }};
-  if (held.support == client::Support::kBed) out.bed_m = held.bed_depth_m;
+  if (bed) out.bed_m = held.bed_depth_m;
   out.slides = held.support == client::Support::kSliding;
   out.sides = {-left_m, tissue.width_m - left_m, -held.elevational_width_m / 2, held.elevational_width_m / 2};
   return out;

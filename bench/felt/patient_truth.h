@@ -23,13 +23,14 @@ struct TrueSolid {
   bool slides = false;                           // on its bottom
   Sides sides{};                                 // free
 };
-// Both must outlive it.
+// What it is made of must outlive it and its copies.
 TrueSolid true_solid(const client::SolidPatient&);
 // As `acquire --slices` makes a scene of it: x from the left border of what the probe images, on its middle.
 // Of an element 1 mm wide the mean over eight points.
 TrueSolid true_solid(const client::Tissue&);
 
-// Its sides continue where they end.
+// On the patient's own support; tissue continues where its sides end, which elements of 20 nodes do not
+// take for granted.
 class PatientTruth {
  public:
   static constexpr double kForceError = 1e-3;  // of the force, what its solver states

@@ -141,7 +141,7 @@ double stiffening(const Fingertip& tip, double indentation_m) {
   return std::pow(indentation_m / tip.radius_m, kPower);
 }
 
-double sliding(const Fingertip& tip, double indentation_m, double depth_m) {
+double lost_by_sliding(const Fingertip& tip, double indentation_m, double depth_m) {
   constexpr double kNarrow = 0.4, kWide = 0.3;
   const double narrow = std::sqrt(tip.radius_m * indentation_m) / depth_m;
   return std::min(1.0, narrow * (kNarrow + kWide * narrow));

@@ -229,8 +229,8 @@ class TouchModel {
 // What the force of any of these may lack under a round tip, over it, where tissue stiffens with strain
 // (T9.4).
 double stiffening(const Fingertip&, double indentation_m);
-// What it is less by, over itself, where tissue slides on its support: of nu 0.49 and more, deep enough that
-// sqrt(R d) is at most 0.4 of it (T9.6).
-double sliding(const Fingertip&, double indentation_m, double depth_m);
+// The share of it that is lost where tissue slides on its support: of nu 0.49 and more, less of other tissue,
+// where sqrt(R d) is at most 0.4 of the depth (T9.6).
+double lost_by_sliding(const Fingertip&, double indentation_m, double depth_m);
 
 }  // namespace teletact::service

@@ -45,7 +45,8 @@ SceneErrors scene_errors(const Scene& scene, const SceneSnapshot& snapshot, cons
                                            z_m - region.z->begin_m, region.z->end_m - z_m}));
   const double borne = kBesideShare * depth_m * radius_m / (out.end_away_m * (out.end_away_m + depth_m / 4));
   out.beyond_end = std::min(0.5, borne) * std::log(3);
-  if (out.log_deviation && out.log_deviation->measured > 0) out.sliding = sliding(tip, d_m, depth_m);
+  if (out.log_deviation && out.log_deviation->measured > 0)
+    out.lost_by_sliding = lost_by_sliding(tip, d_m, depth_m);
   return out;
 }
 
@@ -55,7 +56,7 @@ void SceneErrors::add_to(ContactAnswer& contact) const {
     contact.budget.add({ErrorTerm::kContext, TermKind::kEstimate, beyond_end / ForceBudget::kOf95});
   if (log_deviation)
     contact.budget.add({ErrorTerm::kModulus, TermKind::kDeviation,
-                        std::hypot(log_deviation->measured, sliding / ForceBudget::kOf95)});
+                        std::hypot(log_deviation->measured, lost_by_sliding / ForceBudget::kOf95)});
   if (log_deviation && log_deviation->between > 0)
     contact.budget.add({ErrorTerm::kSlices, TermKind::kDeviation, log_deviation->between});
   contact.budget.above = stiffening;

@@ -22,8 +22,9 @@ struct SceneErrors {
   // The nearest end of a solid that was given, and what the force changes by, over itself, where all beyond
   // it is three times as stiff or as soft: the share of the force that is borne there (T9.6) times ln 3.
   double end_away_m = HUGE_VAL, beyond_end = 0;
-  double sliding =
-      0;  // by how much less the force is, over itself, where measured tissue is not bonded below
+  // Share of the force of measured tissue, 0 of other: nobody knows whether it slides. A soft bed is not in
+  // it.
+  double lost_by_sliding = 0;
   double stiffening = 0;  // ForceBudget::above
 
   // To the budget of an answer that has one, which that of a round tip has.

@@ -6,6 +6,7 @@
 #include <complex>
 #include <limits>
 #include <numbers>
+#include <stdexcept>
 
 #include "bench/independent/plane_waves.h"
 #include "bench/independent/pressed_block.h"
@@ -93,30 +94,23 @@ TEST(PressedBlock, AColumnIsPressedLikeABar) {
   EXPECT_LT(force_n, 1.1 * bar_n);
 }
 
-class RoundTouchTest : public testing::Test {
- protected:
-  RoundTouchTest() {
-    touch_.depth_m = .006, touch_.indentation_m = .0005;
-    touch_.modulus_pa = [](const Hexahedra::Point&) { return kModulusPa; };
-  }
-  RoundTouch touch_;
-};
-
-// Dimitriadis et al. (2002), of thin incompressible layers.
-TEST_F(RoundTouchTest, AThinLayerBearsMoreThanAHalfSpace) {
-  const double radius_m = std::sqrt(touch_.radius_m * touch_.indentation_m), x = radius_m / touch_.depth_m,
-               hertz_n = 4. / 3 * kModulusPa / (1 - kPoissonRatio * kPoissonRatio) * radius_m *
-                         touch_.indentation_m;
-  EXPECT_NEAR(round_touch_n(touch_, 2) / hertz_n, 1 + x * (1.133 + x * (1.283 + x * (.769 + x * .0975))),
-              .03);
-}
-
-TEST_F(RoundTouchTest, ABottomThatSlidesAndSidesThatEndGiveWay) {
-  const double held_n = round_touch_n(touch_, 1);
-  RoundTouch sliding = touch_, narrow = touch_;
+// Bonded by Dimitriadis et al. (2002), of thin incompressible layers; sliding by an exact layer.
+TEST(RoundTouch, AThinLayerBearsMoreThanAHalfSpaceLessWhereItSlidesOrEnds) {
+  constexpr double kAcross = 2;
+  RoundTouch touch;
+  touch.depth_m = .006, touch.indentation_m = .0005;
+  touch.modulus_pa = modulus;
+  const double radius_m = std::sqrt(touch.radius_m * touch.indentation_m), x = radius_m / touch.depth_m,
+               hertz_n =
+                   4. / 3 * kModulusPa / (1 - kPoissonRatio * kPoissonRatio) * radius_m * touch.indentation_m;
+  const double held_n = round_touch_n(touch, kAcross);
+  EXPECT_NEAR(held_n / hertz_n, 1 + x * (1.133 + x * (1.283 + x * (.769 + x * .0975))), .03);
+  RoundTouch sliding = touch, narrow = touch;
   sliding.slides = true, narrow.sides = {-.004, .004, -.004, .004};
-  EXPECT_NEAR(round_touch_n(sliding, 1) / held_n, .839, .02);  // an exact layer's
-  EXPECT_LT(round_touch_n(narrow, 1), .8 * held_n);
+  EXPECT_NEAR(round_touch_n(sliding, kAcross) / held_n, .839, .02);
+  EXPECT_LT(round_touch_n(narrow, kAcross), .8 * held_n);
+  touch.sides.left_m = .001;
+  EXPECT_THROW(round_touch_n(touch), std::invalid_argument);
 }
 
 class PlaneWavesTest : public testing::Test {

@@ -128,7 +128,7 @@ TEST(TouchedSlices, MeasuredTissueMaySlideBelow) {
   const TouchAnswer of_measured = answer(std::move(measured));
   EXPECT_NEAR(of_measured.contact.budget.relative(ErrorTerm::kModulus),
               std::hypot(of_measured.log_deviation.value().measured,
-                         sliding({}, 0.001, kDepthM) / ForceBudget::kOf95),
+                         lost_by_sliding({}, 0.001, kDepthM) / ForceBudget::kOf95),
               1e-9);
   EXPECT_EQ(answer(std::move(given)).contact.budget.relative(ErrorTerm::kModulus), 0);
 }
