@@ -140,7 +140,7 @@ TEST(Arrows, SuitesOfTheBenchAreApart) {
       {"bench/stability", {}},
       {"bench/phantoms", {"bench/peers", "bench/basics"}},
       {"bench/fuzz", {"bench/stability"}},
-      {"bench/felt", {"bench", "bench/basics"}},
+      {"bench/felt", {"bench", "bench/basics", "bench/independent"}},
       {"suite",
        {"bench", "bench/basics", "bench/felt", "bench/fuzz", "bench/independent", "bench/load", "bench/peers",
         "bench/phantoms", "bench/stability"}}};
