@@ -205,8 +205,11 @@ bool run_from_rf(const Options& options) {
   const TrueSolid solid = true_solid(tissue);
   if (options.poses_by_20_nodes > 0 && j.tip.shape != service::FingertipShape::kRoundedTip)
     throw BenchError("--poses-by-20-nodes: a round tip alone");
+  if (options.poses_by_20_nodes > j.felt.size())
+    throw BenchError(fmt::format("--poses-by-20-nodes: {} are more than the {} that are judged",
+                                 options.poses_by_20_nodes, j.felt.size()));
   solve(solid, nullptr, j.tip, j.felt);
-  solve_by_20_nodes(solid, j.tip, std::min(options.poses_by_20_nodes, j.felt.size()), j.felt);
+  solve_by_20_nodes(solid, j.tip, options.poses_by_20_nodes, j.felt);
   json summary = judge(client::summarise(j.touch, TELETACT_VERSION), j.felt, j.coverage);
   judge_by_20_nodes(summary, j.felt);
   judge_intervals(summary, j.felt);

@@ -13,7 +13,7 @@ struct Block {
   double face_width_m = .038, face_across_m = .008;
   bool bonded_face = true;  // else it slides without friction
   double push_m = .0004;
-  double tilt = 0;                     // the face's right end is pushed by tilt * face_width_m / 2 more
+  double tilt = 0;  // the face's right end is pushed by tilt * face_width_m / 2 more
   double pad_m = 0, pad_contrast = 1;  // of the topmost layer
   double sphere_m = .010, sphere_depth_m = .015, contrast = 1;
   double true_modulus(double x_m, double y_m, double z_m = 0) const;

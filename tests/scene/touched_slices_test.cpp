@@ -117,22 +117,6 @@ TEST(TouchedSlices, NearAnEndTheAnswerSaysWhatMayLieBeyond) {
       << said(0.043);
 }
 
-// Nobody knows whether measured tissue slides below; given tissue is held.
-TEST(TouchedSlices, MeasuredTissueMaySlideBelow) {
-  ExplicitModulus given = stack(kPlaces), measured = given;
-  given.log_deviation.clear();
-  measured.log_deviation.assign(measured.youngs_modulus_pa.size(), 0.1);
-  const auto answer = [](ExplicitModulus e) {
-    return TouchSession(scene_of(std::move(e)), {}, test_device()).solve({0.024, 0.001, kBallZ});
-  };
-  const TouchAnswer of_measured = answer(std::move(measured));
-  EXPECT_NEAR(of_measured.contact.budget.relative(ErrorTerm::kModulus),
-              std::hypot(of_measured.log_deviation.value().measured,
-                         lost_by_sliding({}, 0.001, kDepthM) / ForceBudget::kOf95),
-              1e-9);
-  EXPECT_EQ(answer(std::move(given)).contact.budget.relative(ErrorTerm::kModulus), 0);
-}
-
 // While a newer version is made ready the one before answers, and is judged by its own slices.
 TEST(TouchedSlices, TheVersionBeforeIsNotTrustedForANewSlice) {
   const auto scene = scene_of(stack({-0.01}));
