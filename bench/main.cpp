@@ -33,6 +33,7 @@ int main(int argc, char** argv) {
   teletact::bench::add_elastography_suite(app, met);
   teletact::bench::add_posterior_suite(app, met);
   teletact::bench::add_solid_suite(app, met);
+  teletact::bench::add_patients_suite(app, met);
   teletact::bench::add_plan_suite(app, met);
   teletact::bench::add_real_tissue_suite(app, met);
   teletact::bench::add_warnings_suite(app, met);

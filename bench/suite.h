@@ -57,6 +57,7 @@ void add_law_suite(CLI::App& app, bool& met);
 void add_link_suite(CLI::App& app, bool& met);
 void add_posterior_suite(CLI::App& app, bool& met);
 void add_solid_suite(CLI::App& app, bool& met);
+void add_patients_suite(CLI::App& app, bool& met);
 void add_plan_suite(CLI::App& app, bool& met);
 void add_real_tissue_suite(CLI::App& app, bool& met);
 void add_warnings_suite(CLI::App& app, bool& met);

@@ -3,7 +3,7 @@
 
 demo_usage() {
   cat <<'TEXT'
-usage: ./teletact demo [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
+usage: ./teletact demo [--out DIR] [--seed N | --tissue FILE] [--surface KIND] [--duration-s S] [--round-trip-ms T]
        ./teletact demo --plane [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T] [--passes N]
        ./teletact demo --page [--out DIR] [--seed N] [--duration-s S] [--passes N] [--port N]
        ./teletact demo --solid-given [--out DIR] [--seed N] [--duration-s S] [--round-trip-ms T]
@@ -13,6 +13,8 @@ A solid patient with three hidden lumps: nine slices 5 mm apart are imaged while
 
   --out DIR       where summary.json, pictures, recordings and logs go (demo-out); those of an earlier run go away
   --seed N        which patient: where its hidden inclusions lie (1)
+  --tissue FILE   instead: a solid of your own, a file as `patient --save-tissue` writes it
+  --surface KIND  what is stated of its surface: unknown, bare or uneven (unknown)
   --duration-s S  how long the finger explores, above 0 (20; with --plane 12, --page 60)
   --round-trip-ms T
                   so long a link between the operator and the service, 0 to 9999 (0: none is added)
@@ -30,14 +32,16 @@ TEXT
 }
 
 demo() {
-  local out=demo-out seed=1 duration= round_trip=0 passes= which=slices port=0
+  local out=demo-out seed= duration= round_trip=0 passes= which=slices port=0 tissue= surface=unknown
   while (($#)); do
     case $1 in
-      --out | --seed | --duration-s | --round-trip-ms | --passes | --port)
+      --out | --seed | --tissue | --surface | --duration-s | --round-trip-ms | --passes | --port)
         (($# >= 2)) || die_of_usage "$1 needs a value"
         case $1 in
           --out) out=$2 ;;
           --seed) seed=$2 ;;
+          --tissue) tissue=$2 ;;
+          --surface) surface=$2 ;;
           --duration-s) duration=$2 ;;
           --round-trip-ms) round_trip=$2 ;;
           --passes) passes=$2 ;;
@@ -60,7 +64,12 @@ demo() {
   fi
   [[ -z $passes || $which == plane || $which == page ]] ||
     die_of_usage "--passes: only --plane and --page acquire a window again; leave it out"
+  [[ -z $tissue && $surface == unknown || $which == slices ]] ||
+    die_of_usage "--tissue, --surface: of the demo without --$which; leave them out"
+  [[ -z $tissue || -r $tissue ]] || die_of_usage "--tissue: cannot read '$tissue'"
   [[ $which != page || $round_trip == 0 ]] || die_of_usage "--round-trip-ms: the page has a button for it; leave it out"
+  [[ -z $seed || -z $tissue ]] || die_of_usage "--seed and --tissue are two patients: leave one out"
+  seed=${seed:-1}
   [[ $port =~ ^[0-9]{1,5}$ ]] || die_of_usage "--port must be 0 to 65535, not '$port'"
   [[ $seed =~ ^[0-9]+$ ]] || die_of_usage "--seed must be a whole number, not '$seed'"
   [[ $duration =~ ^[0-9]+(\.[0-9]+)?$ && $duration =~ [1-9] ]] ||
@@ -72,6 +81,7 @@ demo() {
   mkdir -p -- "$out" 2>/dev/null && [[ -w $out ]] || die "cannot write the output folder $out: give another with --out"
   out=$(cd -- "$out" && pwd)
   hold_folder "$out"
+  [[ ! $tissue -ef $out/patient.toml ]] || die "--tissue: $tissue would be written over: give another folder with --out"
   [[ $round_trip =~ [1-9] ]] || round_trip=
   case $which in
     plane) build teletact-service compiled_kernels teletact-client ${round_trip:+teletact-proxy} ;;
@@ -83,7 +93,7 @@ demo() {
   case $which in
     plane) run_plane_demo "$seed" "$duration" "$passes" "$round_trip" ;;
     page) run_page_demo "$seed" "$duration" "$passes" "$port" ;;
-    slices) run_slices_demo "$seed" "$duration" "$round_trip" ;;
+    slices) run_slices_demo "$seed" "$tissue" "$surface" "$duration" "$round_trip" ;;
     *) run_given_demo "$seed" "$duration" "$round_trip" ;;
   esac
 }
@@ -325,12 +335,13 @@ all_slices() {
 # 6.4 mm/s. The probe's face is stated to 0.3 mm, as a calliper tells it. The patient side ends with the touch: no
 # finger would feel the corrections that it still holds back.
 run_slices_demo() {
-  local seed=$1 duration=$2 round_trip=$3 status=0
+  local seed=$1 tissue=$2 surface=$3 duration=$4 round_trip=$5 status=0 patient=(--seed "$1")
+  [[ -z $tissue ]] || patient=(--tissue "$tissue")
   local touch=(--indentation-m 0.002 --along z --across-m 0.030 --circle-radius-m 0.008 --begin-m -0.012 --end-m 0.012
     --speed-m-s 0.04)
-  say "2/4 patient side: pressing the probe of solid patient $seed at nine places, and simulating its RF"
-  start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo --seed "$seed" --slices 9 \
-    --slice-pitch-m 0.005 --lookahead 4 --passes-prepared 2 --probe-elevation-std-m 0.0003 \
+  say "2/4 patient side: pressing the probe of solid patient ${tissue:-$seed} at nine places, and simulating its RF"
+  start acquire "$DEMO_CLIENT" acquire --service "unix:$DEMO_RUN/s" --scene demo "${patient[@]}" --surface "$surface" \
+    --slices 9 --slice-pitch-m 0.005 --lookahead 4 --passes-prepared 2 --probe-elevation-std-m 0.0003 \
     --save-tissue "$DEMO_OUT/patient.toml" \
     --save-modulus "$DEMO_OUT/modulus.mha" --save-log-std "$DEMO_OUT/log-std.mha" \
     --record "$DEMO_OUT/acquire.record" --ready-file "$DEMO_RUN/acquire.ready"
@@ -347,6 +358,7 @@ run_slices_demo() {
   say "4/4 the patient's own tissue at 40 of the poses that were felt: about half a minute"
   "$BUILD/bench/teletact-felt" --touch-record "$DEMO_OUT/touch.record" --poses 40 \
     --tissue "$DEMO_OUT/patient.toml" --modulus "$DEMO_OUT/modulus.mha" \
-    --acquire-record "$DEMO_OUT/acquire.record" --out "$DEMO_OUT" 2>"$DEMO_OUT/log/report.log" || status=$?
+    --log-std "$DEMO_OUT/log-std.mha" --acquire-record "$DEMO_OUT/acquire.record" --out "$DEMO_OUT" \
+    2>"$DEMO_OUT/log/report.log" || status=$?
   report_demo "$status"
 }

@@ -11,6 +11,7 @@
 #include "bench/felt/patient_truth.h"
 #include "bench/suite.h"
 #include "client/acquire/solid_source.h"
+#include "client/patient/true_modulus.h"
 
 namespace teletact::bench {
 namespace {
@@ -21,7 +22,8 @@ using nlohmann::json;
 constexpr double kPressedM = 0.001;
 // What must be found.
 constexpr double kMinContrast = 3, kMinDiameterM = 0.008, kDeepestM = 0.020;
-constexpr double kSliceReachM = 0.005;
+constexpr double kSliceReachM = 0.005, kTopM = 0.003;
+constexpr int kParts = 8;  // of an element's height: a capsule may be thinner
 
 constexpr const char* kShared =
     "what both share: the equations of linear elasticity, the kind of element, the layered preconditioner, "
@@ -114,8 +116,11 @@ void judge_by_20_nodes(json& summary, const std::vector<FeltPose>& felt) {
 
 void judge_slices(json& summary, const client::AcquireRecord& acquire,
                   const std::vector<client::TouchTick>& path) {
-  std::vector<double> request_s;
-  for (const client::AcquiredWindow& slice : acquire.windows) request_s.push_back(slice.request_s);
+  std::vector<double> request_s, touchable_s;
+  for (const client::AcquiredWindow& slice : acquire.windows) {
+    request_s.push_back(slice.request_s);
+    touchable_s.push_back(slice.received_to_published_s);
+  }
   double on_unseen = 0, on = 0;
   for (const client::TouchTick& tick : path) {
     if (!pressed(tick)) continue;
@@ -130,6 +135,7 @@ void judge_slices(json& summary, const client::AcquireRecord& acquire,
   summary["slices"] = {{"published", acquire.windows.size()},
                        {"while_touching", later},
                        {"request_s", request_s.empty() ? json() : json(quantiles(request_s).p50)},
+                       {"touchable_s", touchable_s},
                        {"unseen_share", on > 0 ? on_unseen / on : 0}};
 }
 
@@ -164,6 +170,30 @@ void judge_lumps(json& summary, const client::MetaImage& volume, const client::T
         {{"position_m", {f.x_m, f.y_m, f.z_m}}, {"diameter_m", f.diameter_m}, {"contrast", f.contrast}});
   }
   lumps["missed"] = missed;
+}
+
+void judge_top(json& summary, const client::MetaImage& volume, const client::MetaImage& log_std,
+               const client::Tissue& tissue) {
+  const std::vector<float> modulus = volume.as<float>(), stated = log_std.as<float>();
+  if (volume.size != log_std.size) throw BenchError("--log-std: as large as the volume of --modulus");
+  const client::TrueModulus truth(tissue);
+  const auto place = [&](std::size_t axis, std::size_t n) {
+    return volume.origin[axis] + volume.spacing[axis] * double(n);
+  };
+  double off = 0, deviation = 0, count = 0;
+  for (std::size_t n = 0; n < modulus.size(); ++n) {
+    const std::size_t i = n % volume.size[0], row = n / volume.size[0];
+    const double y_m = place(1, row % volume.size[1]);
+    if (y_m > kTopM || !std::isfinite(modulus[n])) continue;
+    double log_truth = 0;
+    for (int part = 0; part < kParts; ++part)
+      log_truth += std::log(truth(place(0, i) + client::slice_window_x_m(tissue),
+                                  y_m + ((part + 0.5) / kParts - 0.5) * volume.spacing[1],
+                                  place(2, row / volume.size[1]))) /
+                   kParts;
+    off += std::log(modulus[n]) - log_truth, deviation += stated[n], ++count;
+  }
+  summary["top"] = {{"depth_m", kTopM}, {"over_truth", std::exp(off / count)}, {"stated", deviation / count}};
 }
 
 std::string readable_from_rf(const json& s) {

@@ -46,6 +46,10 @@ void judge_by_20_nodes(nlohmann::json& summary, const std::vector<FeltPose>& fel
 // What had been imaged where the finger was when it was there.
 void judge_slices(nlohmann::json& summary, const client::AcquireRecord& acquire,
                   const std::vector<client::TouchTick>& path);
+// The topmost 3 mm of a volume as one number, over the truth's, and the mean of its stated deviations of ln
+// E: what the number is off by if all of them err alike. Throws BenchError where the two volumes are unlike.
+void judge_top(nlohmann::json& summary, const client::MetaImage& volume, const client::MetaImage& log_std,
+               const client::Tissue& tissue);
 // The lumps of a volume beside the patient's.
 void judge_lumps(nlohmann::json& summary, const client::MetaImage& volume, const client::Tissue& tissue);
 

@@ -43,7 +43,7 @@ constexpr double kForceMedianFromRf = 0.10, kHeldAtLeast = 0.90;
 struct Options {
   std::string touch_record, out;
   std::uint64_t seed = 1;
-  std::string tissue, modulus, acquire_record;  // of a patient that was imaged
+  std::string tissue, modulus, log_std, acquire_record;  // of a patient that was imaged
   std::size_t poses = 60, poses_by_20_nodes = 0;
 };
 
@@ -215,6 +215,7 @@ bool run_from_rf(const Options& options) {
   judge_intervals(summary, j.felt);
   judge_slices(summary, acquire, j.path);
   judge_lumps(summary, volume, tissue);
+  if (!options.log_std.empty()) judge_top(summary, volume, client::read_metaimage(options.log_std), tissue);
   std::vector<Shadow> shadows;
   for (const client::Inclusion& i : tissue.inclusions)
     shadows.push_back({i.x_m - client::slice_window_x_m(tissue), i.z_m, i.diameter_m / 2});
@@ -258,6 +259,8 @@ int main(int argc, char** argv) {
       app.add_option("--acquire-record", options.acquire_record, "with it: written by acquire --record")
           ->needs(tissue);
   tissue->needs(modulus)->needs(record);
+  app.add_option("--log-std", options.log_std, "with it: the deviations of --modulus, as acquire saved them")
+      ->needs(modulus);
   app.add_option("--poses", options.poses, "so many are judged, evenly over the touch")
       ->check(CLI::Range(1, 100000));
   app.add_option("--poses-by-20-nodes", options.poses_by_20_nodes,

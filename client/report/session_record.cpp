@@ -114,8 +114,12 @@ AcquireRecord read_acquire_record(const std::string& path) {
   record.scene_id = reader.header().scene_id();
   std::map<std::uint32_t, double> received_to_published_s;  // by call
   while (const auto entry = reader.next()) {
-    if (entry->has_estimate_response() && entry->estimate_response().has_summary())
-      received_to_published_s[entry->call()] = entry->estimate_response().summary().received_to_published_s();
+    if (entry->has_estimate_response() && entry->estimate_response().has_summary()) {
+      const v1::EstimateSummary& summary = entry->estimate_response().summary();
+      double& all_s = received_to_published_s[entry->call()] = summary.received_to_published_s();
+      if (all_s == 0)  // of a slice, which is published by a call of its own
+        for (const v1::StageTime& stage : summary.stages()) all_s += stage.seconds();
+    }
     if (entry->has_window()) {
       const v1::WindowTiming& timing = entry->window();
       if (timing.window().origin_m().empty())

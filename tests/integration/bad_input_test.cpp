@@ -342,6 +342,9 @@ TEST(ScriptInput, HelpBuildsNothingAndAnEmptyDemoIsRefused) {
   say({"demo", "--pages"}, "unknown argument of demo: --pages", 2);
   say({"demo", "--seed", "abc"}, "--seed must be a whole number", 2);
   say({"demo", "--seed"}, "--seed needs a value", 2);
+  say({"demo", "--plane", "--tissue", script}, "of the demo without --plane", 2);
+  say({"demo", "--tissue", script, "--seed", "1"}, "--seed and --tissue are two patients", 2);
+  say({"demo", "--tissue", folder / "none.toml"}, "--tissue: cannot read", 2);
   say({"demo", "--page", "--round-trip-ms", "100"}, "the page has a button for it", 2);
   say({"wacth"}, "unknown command: wacth", 2);
   EXPECT_FALSE(std::filesystem::exists(folder / "build"));

@@ -14,7 +14,7 @@
 namespace teletact::service {
 
 struct SolidGrid {
-  std::size_t nx = 0, nz = 0;  // of nodes and of elements: powers of two
+  std::size_t nx = 0, nz = 0;  // of nodes and of elements: a power of two; is_fourier_nz()
   double spacing_x_m = 0, spacing_z_m = 0;
   std::vector<double> y_m;                               // strictly increasing, >= 2
   bool slides = false;                                   // on its lowest layer, which stands for rollers
