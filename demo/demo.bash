@@ -32,14 +32,14 @@ TEXT
 }
 
 demo() {
-  local out=demo-out seed= duration= round_trip=0 passes= which=slices port=0 tissue= surface=unknown
+  local out=demo-out seed=1 seeded= duration= round_trip=0 passes= which=slices port=0 tissue= surface=unknown
   while (($#)); do
     case $1 in
       --out | --seed | --tissue | --surface | --duration-s | --round-trip-ms | --passes | --port)
         (($# >= 2)) || die_of_usage "$1 needs a value"
         case $1 in
           --out) out=$2 ;;
-          --seed) seed=$2 ;;
+          --seed) seed=$2 seeded=1 ;;
           --tissue) tissue=$2 ;;
           --surface) surface=$2 ;;
           --duration-s) duration=$2 ;;
@@ -66,10 +66,10 @@ demo() {
     die_of_usage "--passes: only --plane and --page acquire a window again; leave it out"
   [[ -z $tissue && $surface == unknown || $which == slices ]] ||
     die_of_usage "--tissue, --surface: of the demo without --$which; leave them out"
-  [[ -z $tissue || -r $tissue ]] || die_of_usage "--tissue: cannot read '$tissue'"
+  [[ $surface =~ ^(unknown|bare|uneven)$ ]] || die_of_usage "--surface: unknown, bare or uneven, not '$surface'"
+  [[ -z $tissue || -f $tissue && -r $tissue ]] || die_of_usage "--tissue: cannot read '$tissue'"
   [[ $which != page || $round_trip == 0 ]] || die_of_usage "--round-trip-ms: the page has a button for it; leave it out"
-  [[ -z $seed || -z $tissue ]] || die_of_usage "--seed and --tissue are two patients: leave one out"
-  seed=${seed:-1}
+  [[ -z $seeded || -z $tissue ]] || die_of_usage "--seed and --tissue are two patients: leave one out"
   [[ $port =~ ^[0-9]{1,5}$ ]] || die_of_usage "--port must be 0 to 65535, not '$port'"
   [[ $seed =~ ^[0-9]+$ ]] || die_of_usage "--seed must be a whole number, not '$seed'"
   [[ $duration =~ ^[0-9]+(\.[0-9]+)?$ && $duration =~ [1-9] ]] ||

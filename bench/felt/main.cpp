@@ -259,7 +259,7 @@ int main(int argc, char** argv) {
       app.add_option("--acquire-record", options.acquire_record, "with it: written by acquire --record")
           ->needs(tissue);
   tissue->needs(modulus)->needs(record);
-  app.add_option("--log-std", options.log_std, "with it: the deviations of --modulus, as acquire saved them")
+  app.add_option("--log-std", options.log_std, "with --modulus: its deviations, as acquire saved them")
       ->needs(modulus);
   app.add_option("--poses", options.poses, "so many are judged, evenly over the touch")
       ->check(CLI::Range(1, 100000));

@@ -114,20 +114,18 @@ AcquireRecord read_acquire_record(const std::string& path) {
   record.scene_id = reader.header().scene_id();
   std::map<std::uint32_t, double> received_to_published_s;  // by call
   while (const auto entry = reader.next()) {
-    if (entry->has_estimate_response() && entry->estimate_response().has_summary()) {
-      const v1::EstimateSummary& summary = entry->estimate_response().summary();
-      double& all_s = received_to_published_s[entry->call()] = summary.received_to_published_s();
-      if (all_s == 0)  // of a slice, which is published by a call of its own
-        for (const v1::StageTime& stage : summary.stages()) all_s += stage.seconds();
-    }
+    if (entry->has_estimate_response() && entry->estimate_response().has_summary())
+      received_to_published_s[entry->call()] = entry->estimate_response().summary().received_to_published_s();
     if (entry->has_window()) {
       const v1::WindowTiming& timing = entry->window();
       if (timing.window().origin_m().empty())
         throw std::runtime_error(path + ": holds a window without its place");
       const auto& origin_m = timing.window().origin_m();
+      double& received_s = received_to_published_s[entry->call()];
+      if (received_s == 0)  // a slice is published by a call of its own
+        received_s = seconds_between(timing.last_byte_ns(), timing.published_ns());
       record.windows.push_back({origin_m[0], seconds(timing.published_ns()),
-                                seconds_between(timing.asked_ns(), timing.published_ns()),
-                                received_to_published_s[entry->call()],
+                                seconds_between(timing.asked_ns(), timing.published_ns()), received_s,
                                 origin_m.size() > 2 ? origin_m[2] : 0});
     }
     if (entry->has_scene()) record.scene = entry->scene();

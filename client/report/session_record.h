@@ -65,7 +65,7 @@ struct TouchRecord {
 struct AcquiredWindow {
   double x_m = 0, published_s = 0;
   double request_s = 0;                // asked for to published
-  double received_to_published_s = 0;  // as the service measured it
+  double received_to_published_s = 0;  // as the service measured it; of a slice, as the client did
   double z_m = 0;                      // of a slice
 };
 

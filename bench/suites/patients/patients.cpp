@@ -59,9 +59,10 @@ const std::vector<Case>& cases() {
 
 struct Row {
   std::string row;
-  double off = 0, off_p95 = 0, half_width = 0, held = 0;      // of the force
-  double top = 0;                                             // the topmost 3 mm's modulus over the truth
-  double later_s = 0, latest_s = 0, asked_s = 0, unseen = 0;  // RF in to touchable; asked for to published
+  double off = 0, off_p95 = 0, half_width = 0, held = 0;  // of the force
+  double top = 0;                                         // the topmost 3 mm's modulus over the truth
+  double later_s = 0, latest_s = 0;                       // from a slice's last byte of RF to touchable
+  double asked_s = 0, unseen = 0;                         // from asked for to published; of the path
 };
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Row, row, off, off_p95, half_width, held, top, later_s, latest_s, asked_s,
                                    unseen)
@@ -84,7 +85,9 @@ std::string quoted(const std::string& word) {
 // The summary of a demo on it, which is run where there is none yet.
 json summary_of(const Case& c, const PatientsOptions& options) {
   const fs::path folder = fs::path(options.runs) / snake_case(c.row), file = folder / "summary.json";
-  if (!fs::exists(file)) {
+  if (fs::exists(file)) {
+    fmt::print("taken as it is there: {}\n", file.string());
+  } else {
     fs::create_directories(folder);
     Tissue tissue = client::random_solid_tissue(c.seed);
     c.change(*tissue.solid);
@@ -101,7 +104,12 @@ json summary_of(const Case& c, const PatientsOptions& options) {
                                    folder.string(), status));
   }
   std::ifstream in(file);
-  return json::parse(in);
+  json summary = json::parse(in);
+  if (summary.at("top")["over_truth"].is_null() || summary.at("interval")["half_width"].is_null() ||
+      summary.at("slices")["touchable_s"].size() < 2)
+    throw BenchError(fmt::format("{}: no slices, or no forces with an interval; look there, and remove it",
+                                 file.string()));
+  return summary;
 }
 
 // What each pose's force is off by, over the true one.

@@ -28,8 +28,8 @@ using Eigen::VectorXd;
 // pad takes more: its strain, near the face, is the scale.
 constexpr std::size_t kMaxAcross = 5, kPadAcross = 7, kMinAcross = 3;
 // Nodes h apart that are pushed alike act as a face that ends 0.075 h beyond the last: strains at 4 mm and
-// deeper, beside each other, are then within 1 % of a mesh five times as fine, and those under a force within
-// 0.5 % (of coarse cells a quarter fits strain best: 4 and 3 %).
+// deeper, beside each other, are then within 1 % of a mesh five times as fine, and their ratio to the force
+// within 0.5 % (of coarse cells a quarter fits strain best: 4 and 3 %).
 constexpr double kBeyond = 0.15, kCoarseBeyond = 0.5;  // at both ends together
 // To the period's next probe, in depths of tissue, as far as there is room. Across the image the face is a
 // strip, whose load spreads far: with a gap of 1.6 depths tissue under a capsule of 1 mm, 3 times, reads 12 %
@@ -112,6 +112,7 @@ std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
 
 // Nodes of the face across the plane.
 std::size_t nodes_across(const ProbeFace& face, double cell_m) {
+  require_above_zero(face.elevation_m, "probe_elevation_m");
   std::size_t nodes = face.pad_m > 0 && cell_m <= kFineCellM ? kPadAcross : kMaxAcross;
   while (nodes > kMinAcross &&
          period(nodes, kMinGapAcross * face.depth_m, spacing(face.elevation_m, nodes, cell_m)) == kMaxColumns)
@@ -120,7 +121,6 @@ std::size_t nodes_across(const ProbeFace& face, double cell_m) {
 }
 
 SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells, std::size_t across, double cell_m) {
-  require_above_zero(face.elevation_m, "probe_elevation_m");
   SolidTissue tissue;
   tissue.grid.spacing_x_m = cells.spacing_m;
   tissue.grid.spacing_z_m = spacing(face.elevation_m, across, cell_m);
