@@ -23,19 +23,6 @@ void butterfly2(vec* re, vec* im) {
   im[1] = i;
 }
 
-void butterfly3(vec* re, vec* im) {
-  const real c = REAL(0.86602540378443864676);
-  const vec sum_r = re[1] + re[2], sum_i = im[1] + im[2];
-  const vec apart_r = c * (re[1] - re[2]), apart_i = c * (im[1] - im[2]);
-  const vec half_r = re[0] - REAL(0.5) * sum_r, half_i = im[0] - REAL(0.5) * sum_i;
-  re[0] += sum_r;
-  im[0] += sum_i;
-  re[1] = half_r + apart_i;
-  im[1] = half_i - apart_r;
-  re[2] = half_r - apart_i;
-  im[2] = half_i + apart_r;
-}
-
 // Of elements 0, step, 2 step, 3 step.
 void butterfly4_of(vec* re, vec* im, const int step) {
   const vec ar = re[0] + re[2 * step], ai = im[0] + im[2 * step];
@@ -98,14 +85,12 @@ void butterfly8(vec* re, vec* im) {
       }                                                                                                   \
   }
 STAGE(2)
-STAGE(3)
 STAGE(4)
 STAGE(8)
 
 INLINE void stage(const vec* from, vec* to, const int exchanged, const int radix, const int span,
                   const int done, global const real* restrict roots) {
   if (radix == 2) stage2(from, to, exchanged, span, done, roots);
-  if (radix == 3) stage3(from, to, exchanged, span, done, roots);
   if (radix == 4) stage4(from, to, exchanged, span, done, roots);
   if (radix == 8) stage8(from, to, exchanged, span, done, roots);
 }
@@ -113,7 +98,7 @@ INLINE void stage(const vec* from, vec* to, const int exchanged, const int radix
 // Of `length` numbers in a, by at most three stages; b is as much room. Where the result is: a or b.
 INLINE vec* transform(vec* a, vec* b, const int exchanged, const int length,
                       global const real* restrict roots) {
-  const int first = length % 3 == 0 ? 3 : length == 16 ? 4 : min(length, 8), rest = length / first;
+  const int first = length == 16 ? 4 : min(length, 8), rest = length / first;
   const int second = rest == 16 ? 4 : min(rest, 8), third = rest / second;
   stage(a, b, exchanged, first, length, 1, roots);
   stage(b, a, exchanged, second, rest, first, roots);

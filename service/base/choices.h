@@ -23,8 +23,8 @@ inline constexpr double kRefresh = 0.060;  // windows this near are rebuilt when
 inline constexpr double kHandOver = 0.002;  // it may leave its window by this much before it is handed over
 inline constexpr double kWidestReach = 0.014;  // half of the widest contact
 // What is curved of a tip and overlaps must span so many spacings of nodes on each side, or the force may
-// depend on where it stands between them by more than 5 % (over 3.5, 2.8, 2, 1.4 spacings by 1-2.3, 3-7,
-// 11-17, 18-23 %, over tips, spacings, depths).
+// depend on where it stands between them by more than 5 % (at 3.5, 2.8, 2 and 1.4 spacings by 1 to 2.3, 3 to
+// 7, 11 to 17 and 18 to 23 %).
 inline constexpr double kMinSpacings = 1.5;
 inline constexpr double kMinPadSpacings = 4.4;  // all of a pad (solid_contact_test)
 

@@ -176,8 +176,7 @@ void SolidTouchModel::make_ready(State& state, std::size_t index, const std::sha
 }
 
 void warm_solids(const std::shared_ptr<Device>& device) {
-  for (const auto& [nx, nz] :
-       {std::pair<std::size_t, std::size_t>{64, 64}, {128, 64}, {64, 32}, {64, 48}, {128, 48}}) {
+  for (const auto& [nx, nz] : {std::pair<std::size_t, std::size_t>{64, 64}, {128, 64}, {64, 32}}) {
     SolidTissue tissue{{nx, nz, 0.002, 0.002, {0, 0.005, 0.010}}, {}, 0.49};
     for (std::size_t n = 0; n < tissue.grid.elements(); ++n)
       tissue.youngs_modulus_pa.push_back(n % nx < nx / 2 ? 1e4 : 2e4);

@@ -23,7 +23,7 @@ class Server {
   Server(const std::vector<std::shared_ptr<Device>>& devices, const ServerOptions&);
   ~Server();  // drains
   // compile_steps() that make_ready() takes with double precision, on PoCL.
-  static constexpr std::size_t kCompileSteps = 207;
+  static constexpr std::size_t kCompileSteps = 171;
   // Warms the kernels, restores the scenes, then health is SERVING.
   void make_ready();
   // Health NOT_SERVING and not ready, so that proxies send nobody else; all is served.

@@ -42,11 +42,11 @@ template <class T>
 Fourier<T>::Fourier(const Queue& queue, std::size_t nx, std::size_t nz, std::size_t planes,
                     FourierKernels kernels)
     : nx_(nx), nz_(nz), planes_(planes) {
-  if (!std::has_single_bit(nx) || nx < 2 || nx > kLargest || !is_fourier_nz(nz))
+  if (!std::has_single_bit(nx) || !std::has_single_bit(nz) || nx < 2 || std::max(nx, nz) > kLargest)
     throw std::invalid_argument("fourier: planes of " + std::to_string(nx) + " x " + std::to_string(nz) +
-                                ": give powers of two, 2 to 512 by 1 to 512, or by 48, 96 or 192");
+                                " are not powers of two, 2 to 512 by 1 to 512");
   group_ = group_of<T>(queue, kernels);
-  roots_ = queue.array(roots_of_one<T>(nz % 3 > 0 ? std::max(nx, nz) : std::max(3 * nx, nz)));
+  roots_ = queue.array(roots_of_one<T>(std::max(nx, nz)));
   defines_ = {{"NX", std::to_string(nx)}, {"NZ", std::to_string(nz)}};
   if (group_ > 0) {
     defines_["GROUP"] = std::to_string(group_);

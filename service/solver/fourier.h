@@ -5,17 +5,11 @@
 //   X(kx, kz) = sum over (x, z) of f(x, z) exp(-2 pi i (kx x / nx + kz z / nz)).
 #pragma once
 
-#include <bit>
 #include <cstddef>
 
 #include "service/device/device.h"
 
 namespace teletact::service {
-
-// Whether planes may be so long along z: powers of two to 512, and 48, 96 and 192.
-constexpr bool is_fourier_nz(std::size_t n) {
-  return n <= 512 && (std::has_single_bit(n) || (n % 48 == 0 && std::has_single_bit(n / 48) && n <= 192));
-}
 
 enum class FourierKernels {
   kOfDevice,  // items on a processor, groups on a GPU
@@ -27,7 +21,7 @@ enum class FourierKernels {
 template <class T>
 class Fourier {
  public:
-  // Throws std::invalid_argument unless nx is a power of two from 2 to 512, and is_fourier_nz(nz).
+  // Throws std::invalid_argument unless nx is a power of two from 2 to 512, nz one from 1 to 512.
   Fourier(const Queue&, std::size_t nx, std::size_t nz, std::size_t planes,
           FourierKernels = FourierKernels::kOfDevice);
   std::size_t pitch() const { return (nx_ / 2 + 8) / 8 * 8; }  // numbers in a row of the spectrum

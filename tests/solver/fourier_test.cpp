@@ -147,14 +147,13 @@ class FourierOf : public testing::TestWithParam<FourierKernels> {};
 
 TEST_P(FourierOf, PlanesAreSumsAndComeBack) {
   for (const Size& size : {Size{2, 1, 3}, Size{4, 1, 5}, Size{8, 4, 3}, Size{4, 16, 2}, Size{16, 2, 7},
-                           Size{32, 8, 2}, Size{64, 32, 5}, Size{128, 64, 2}, Size{128, 1, 21},
-                           Size{64, 48, 3}, Size{8, 96, 1}, Size{8, 192, 1}})
+                           Size{32, 8, 2}, Size{64, 32, 5}, Size{128, 64, 2}, Size{128, 1, 21}})
     expect_sums_and_back<float>(size, GetParam());
 }
 
 TEST_P(FourierOf, PlanesInDoubleAreSumsAndComeBack) {
   if (!test_device()->info().has_double) GTEST_SKIP() << "no double precision";
-  for (const Size& size : {Size{2, 1, 3}, Size{8, 4, 3}, Size{64, 32, 5}, Size{128, 64, 2}, Size{128, 48, 2}})
+  for (const Size& size : {Size{2, 1, 3}, Size{8, 4, 3}, Size{64, 32, 5}, Size{128, 64, 2}})
     expect_sums_and_back<double>(size, GetParam());
 }
 
@@ -175,9 +174,8 @@ INSTANTIATE_TEST_SUITE_P(Kernels, FourierOf,
 
 TEST(Fourier, RefusesWhatItHasNoKernelsFor) {
   const Queue queue = test_device()->queue();
-  for (const Size& size :
-       {Size{1, 4, 1}, Size{0, 4, 1}, Size{12, 4, 1}, Size{8, 3, 1}, Size{8, 24, 1}, Size{48, 8, 1},
-        Size{8, 384, 1}, Size{8, 0, 1}, Size{1024, 4, 1}, Size{8, 1024, 1}})
+  for (const Size& size : {Size{1, 4, 1}, Size{0, 4, 1}, Size{12, 4, 1}, Size{8, 3, 1}, Size{8, 0, 1},
+                           Size{1024, 4, 1}, Size{8, 1024, 1}})
     EXPECT_THROW(Fourier<float>(queue, size.nx, size.nz, size.planes), std::invalid_argument)
         << size.nx << " x " << size.nz;
 }

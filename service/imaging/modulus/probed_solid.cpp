@@ -15,7 +15,6 @@
 #include "service/base/memory.h"
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/probed_tissue.h"
-#include "service/solver/fourier.h"
 #include "service/tissue/solid/solid_solver.h"
 
 namespace teletact::service {
@@ -24,24 +23,20 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Nodes under the probe across the plane, odd: one lies in it; fewer where the period would be too short. A
-// pad takes more: its strain, near the face, is the scale.
-constexpr std::size_t kMaxAcross = 5, kPadAcross = 7, kMinAcross = 3;
-// Nodes h apart that are pushed alike act as a face that ends 0.075 h beyond the last: strains at 4 mm and
-// deeper, beside each other, are then within 1 % of a mesh five times as fine, and their ratio to the force
-// within 0.5 % (of coarse cells a quarter fits strain best: 4 and 3 %).
-constexpr double kBeyond = 0.15, kCoarseBeyond = 0.5;  // at both ends together
-// To the period's next probe, in depths of tissue, as far as there is room. Across the image the face is a
-// strip, whose load spreads far: with a gap of 1.6 depths tissue under a capsule of 1 mm, 3 times, reads 12 %
-// more than with 3.2, with 2.4 as with 3.2.
-constexpr double kMinGap = 1.6, kMinGapAcross = 2.4;
+// Nodes under the probe across the plane, odd: one lies in it; fewer where the period would be too short.
+constexpr std::size_t kMaxAcross = 7, kCoarseAcross = 5, kMinAcross = 3;
+// Nodes h apart that are pushed alike act as a face that ends a tenth of h beyond the last: beside each other
+// strains at 4 mm and deeper, and the force, are then within 1 % of a mesh five times as fine (of coarse
+// cells a quarter fits strain best: 4 and 3 %).
+constexpr double kBeyond = 0.2, kCoarseBeyond = 0.5;  // at both ends together
+constexpr double kMinGap = 1.6;   // to the period's next probe, in depths of tissue, as far as there is room
 constexpr double kMinPeriod = 8;  // the same, of tissue whose period is not felt
 constexpr std::size_t kMaxColumns = 256, kMaxRows = 64, kMinPeriodAcross = 32, kMaxWide = 512;
 constexpr std::size_t kMaxElements = 2'000'000;
 constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
 constexpr double kMirroredM = 0.020;
-constexpr double kApartElements = 1.4;  // across the image: slices nearer than that are not told apart
-constexpr double kAir = 0.01;           // of the tissue's modulus: beyond its end
+constexpr double kApartElements = 2;  // across the image: slices nearer than that are not told apart
+constexpr double kAir = 0.01;         // of the tissue's modulus: beyond its end
 // Accuracy of the solution, in energy. Where tissue ends, the bound is some ten times the error, and rounding
 // may exceed it.
 constexpr double kAccuracy = 2e-3, kAccuracyOfSides = 2e-2, kMinAccuracy = 5e-2;
@@ -70,12 +65,16 @@ std::vector<double> rows_of_nodes(const ProbeFace& face, double image_m, std::si
   return y;
 }
 
+double gap_m(const ProbeFace& face) {
+  return kMinGap * face.depth_m;
+}
+
 // Nodes pressed along the image. Tissue that ends takes more steps than tissue that goes on: for it cells are
 // a little wider where half of the nodes are enough then.
 std::size_t nodes_along(const ProbeFace& face, double cell_m) {
   require_above_zero(face.width_m, "window_width_m");
   constexpr double kWidestM = 1.5e-3;
-  const double of_half_m = (face.width_m + kMinGap * face.depth_m) / static_cast<double>(kMaxColumns / 2),
+  const double of_half_m = (face.width_m + gap_m(face)) / static_cast<double>(kMaxColumns / 2),
                along_m = face.goes_on() || of_half_m > kWidestM ? cell_m : std::max(cell_m, of_half_m);
   return std::clamp<std::size_t>(static_cast<std::size_t>(face.width_m / along_m + 0.49), 8, kMaxColumns / 2);
 }
@@ -104,35 +103,33 @@ CellGrid cells_under(const ProbeFace& face, double cell_m) {
 
 namespace {
 
-// Of nodes in a period, as far as there is room.
-std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
-  const double wanted = static_cast<double>(nodes) + gap_m / spacing_m;
-  return static_cast<std::size_t>(std::min(wanted, static_cast<double>(kMaxColumns)));
-}
-
 // Nodes of the face across the plane.
 std::size_t nodes_across(const ProbeFace& face, double cell_m) {
-  require_above_zero(face.elevation_m, "probe_elevation_m");
-  std::size_t nodes = face.pad_m > 0 && cell_m <= kFineCellM ? kPadAcross : kMaxAcross;
-  while (nodes > kMinAcross &&
-         period(nodes, kMinGapAcross * face.depth_m, spacing(face.elevation_m, nodes, cell_m)) == kMaxColumns)
-    nodes -= 2;
+  std::size_t nodes = cell_m > kFineCellM ? kCoarseAcross : kMaxAcross;
+  const auto fits = [&](std::size_t columns) {
+    return static_cast<double>(nodes) + gap_m(face) / spacing(face.elevation_m, nodes, cell_m) <=
+           static_cast<double>(columns);
+  };
+  if (!face.goes_on() && !fits(kMaxColumns / 4)) nodes -= 2;
+  while (nodes > kMinAcross && !fits(kMaxColumns)) nodes -= 2;
   return nodes;
 }
 
+std::size_t period(std::size_t nodes, double gap_m, double spacing_m) {
+  const double wanted =
+      std::min(static_cast<double>(nodes) + gap_m / spacing_m, static_cast<double>(kMaxColumns));
+  return std::bit_ceil(static_cast<std::size_t>(wanted));
+}
+
 SolidTissue tissue_under(const ProbeFace& face, const CellGrid& cells, std::size_t across, double cell_m) {
+  require_above_zero(face.elevation_m, "probe_elevation_m");
   SolidTissue tissue;
   tissue.grid.spacing_x_m = cells.spacing_m;
   tissue.grid.spacing_z_m = spacing(face.elevation_m, across, cell_m);
-  tissue.grid.nx = std::bit_ceil(period(cells.columns + 1, kMinGap * face.depth_m, cells.spacing_m));
-  tissue.grid.nz =
-      std::max(kMinPeriodAcross, period(across, kMinGapAcross * face.depth_m, tissue.grid.spacing_z_m));
-  while (!is_fourier_nz(tissue.grid.nz)) ++tissue.grid.nz;
+  tissue.grid.nx = period(cells.columns + 1, gap_m(face), tissue.grid.spacing_x_m);
+  tissue.grid.nz = std::max(kMinPeriodAcross, period(across, gap_m(face), tissue.grid.spacing_z_m));
   tissue.grid.y_m = rows_of_nodes(face, cells.row_m * static_cast<double>(cells.rows), cells.rows);
-  while (tissue.grid.elements() > kMaxElements && tissue.grid.nz > kMinPeriodAcross) {
-    --tissue.grid.nz;
-    while (!is_fourier_nz(tissue.grid.nz)) --tissue.grid.nz;
-  }
+  while (tissue.grid.elements() > kMaxElements && tissue.grid.nz > kMinPeriodAcross) tissue.grid.nz /= 2;
   tissue.grid.slides = face.slides;
   tissue.poisson_ratio = face.poisson_ratio;
   tissue.youngs_modulus_pa.assign(tissue.grid.elements(), 1.0);

@@ -14,7 +14,7 @@
 namespace teletact::service {
 
 struct SolidGrid {
-  std::size_t nx = 0, nz = 0;  // of nodes and of elements: nx a power of two, nz as is_fourier_nz() has it
+  std::size_t nx = 0, nz = 0;  // of nodes and of elements: powers of two
   double spacing_x_m = 0, spacing_z_m = 0;
   std::vector<double> y_m;                               // strictly increasing, >= 2
   bool slides = false;                                   // on its lowest layer, which stands for rollers
