@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <climits>
 #include <cmath>
 #include <cstring>
@@ -144,14 +145,18 @@ std::shared_ptr<const WindowEvidence> evidence_from(const json& j) {
   return e;
 }
 
-// What a slice can have told: finite odds, and of no combination of its numbers less than no information, to
-// rounding, nor a mean beyond what logarithms of lengths and moduli can be.
+// What a slice can have told: finite odds and lengths, and of no combination of its numbers less than no
+// information, to rounding, nor a mean beyond what logarithms of lengths and moduli can be.
 bool can_be_told(const ToldTissue& t) {
   constexpr double kRounding = 1e-13, kMost = 1e12;  // known to 1e-6 of it
   constexpr double kLargest = 20;                    // of a mean beside what is known beforehand
+  constexpr double kLongestM = 10;
   const Eigen::Index n = t.load.size();
   if (!(t.log_likelihood <= 0) || !std::isfinite(t.log_likelihood) || t.information.size() != n * n)
     return false;
+  for (const double length_m : {t.elevation_m, t.depth_m, t.beside_m})
+    if (!(length_m >= 0 && length_m <= kLongestM)) return false;
+  if ((t.elevation_m > 0) != (t.depth_m > 0)) return false;
   if (n == 0) return true;
   if (!(t.information.array().abs() <= kMost).all() || !t.load.allFinite()) return false;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> of(t.information);
@@ -165,7 +170,8 @@ bool can_be_told(const ToldTissue& t) {
 json to_json(const std::vector<ToldTissue>& tissues, std::string& raw) {
   json names = json::array();
   for (const ToldTissue& t : tissues) {
-    names.push_back({t.ends, t.slides, t.place, t.load.size()});
+    names.push_back(
+        {t.ends, t.slides, t.place, t.load.size(), json::array({t.elevation_m, t.depth_m, t.beside_m})});
     append(raw, std::vector{t.log_likelihood});
     append(raw, std::vector(t.load.begin(), t.load.end()));
     append(raw, std::vector(t.information.reshaped().begin(), t.information.reshaped().end()));
@@ -191,6 +197,10 @@ std::vector<ToldTissue> told_from(const json& names, std::string_view& rest) {
     out.push_back({kind_number(name.at(0)), kind_number(name.at(1)), kind_number(name.at(2)), numbers[0],
                    Eigen::Map<const Eigen::MatrixXd>(numbers.data() + 1 + count, n, n),
                    Eigen::Map<const Eigen::VectorXd>(numbers.data() + 1, n)});
+    if (name.size() > 4) {  // files of before have none
+      const auto [elevation_m, depth_m, beside_m] = name[4].get<std::array<double, 3>>();
+      out.back().elevation_m = elevation_m, out.back().depth_m = depth_m, out.back().beside_m = beside_m;
+    }
     if (!can_be_told(out.back())) throw std::runtime_error("tissues: no slice finds such numbers");
   }
   return out;

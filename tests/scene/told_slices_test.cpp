@@ -84,6 +84,7 @@ SceneRecord kept(const ToldTissue& told) {
 ToldTissue numbers() {
   ToldTissue t{1, 0, -1, -0.25, Eigen::MatrixXd::Identity(2, 2), Eigen::VectorXd::Constant(2, 0.1)};
   t.information << 400, 30, 30, 90;
+  t.elevation_m = 0.01 / 3, t.depth_m = 0.04 / 3, t.beside_m = 0.02;
   return t;
 }
 
@@ -103,6 +104,9 @@ TEST(ToldSlices, AreKeptWithTheirScene) {
   EXPECT_EQ(tissues[0].log_likelihood, -0.25);
   EXPECT_EQ(tissues[0].information, numbers().information);
   EXPECT_EQ(tissues[0].load, numbers().load);
+  EXPECT_EQ(tissues[0].elevation_m, 0.01 / 3);
+  EXPECT_EQ(tissues[0].depth_m, 0.04 / 3);
+  EXPECT_EQ(tissues[0].beside_m, 0.02);
   EXPECT_EQ(tissues[1].slides, 1);
   EXPECT_EQ(tissues[1].load.size(), 0);
 }
@@ -123,6 +127,10 @@ TEST(ToldSlices, WhatNoSliceTellsIsNotKept) {
   spoilt([](ToldTissue& t) { t.information.setZero(), t.load[0] = 1e3; });
   spoilt([](ToldTissue& t) { t.information(1, 1) = -1; });
   spoilt([](ToldTissue& t) { t.information(0, 1) = 60; });
+  spoilt([](ToldTissue& t) { t.depth_m = -0.01; });
+  spoilt([](ToldTissue& t) { t.depth_m = 0; });
+  spoilt([](ToldTissue& t) { t.elevation_m = std::nan(""); });
+  spoilt([](ToldTissue& t) { t.beside_m = HUGE_VAL; });
 }
 
 // On disk: beyond the map's end, more numbers than a tissue has, another kind of thing.
@@ -130,13 +138,21 @@ TEST(ToldSlices, WhatIsNoneOnDiskCostsTheNumbersAlone) {
   const EncodedScene files = encoded(kept(numbers()));
   for (const char* told :
        {R"([[0.005, [[1, 0, -1, 3]]]])", R"([[0.005, [[1, 0, -1, 1000]]]])", R"([[0.005, [[1, 0, -1, -2]]]])",
-        R"([[0.005, [[1e300, 0, -1, 0]]]])", R"([["here", []]])", R"({"a": 1})"}) {
+        R"([[0.005, [[1e300, 0, -1, 0]]]])", R"([[0.005, [[1, 0, -1, 2, [0.01, "deep", 0]]]]])",
+        R"([[0.005, [[1, 0, -1, 2, [0.01]]]]])", R"([["here", []]])", R"({"a": 1})"}) {
     nlohmann::json scene = nlohmann::json::parse(files.description);
     scene["tissues"] = nlohmann::json::parse(told), scene.erase("checksum");
     const SceneRecord again = read_again({scene.dump(), files.map_name, files.map});
     EXPECT_TRUE(again.told.slices.empty()) << told;
     EXPECT_EQ(again.explicit_modulus->youngs_modulus_pa.size(), 8U) << told;
   }
+  // A file of before names no lengths.
+  nlohmann::json before = nlohmann::json::parse(files.description);
+  before["tissues"] = nlohmann::json::parse(R"([[0.005, [[1, 0, -1, 2]]]])"), before.erase("checksum");
+  const SceneRecord of_before = read_again({before.dump(), files.map_name, files.map});
+  ASSERT_EQ(of_before.told.slices.size(), 1U);
+  EXPECT_EQ(of_before.told.slices.at(0.005)[0].load, numbers().load);
+  EXPECT_EQ(of_before.told.slices.at(0.005)[0].depth_m, 0);
   nlohmann::json scene = nlohmann::json::parse(files.description);
   scene["told_words"] = 3, scene.erase("checksum");
   const SceneRecord again = read_again({scene.dump(), files.map_name, files.map});

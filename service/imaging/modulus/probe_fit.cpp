@@ -119,13 +119,13 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   w.finer = fine.finer;
   w.skin = skin_known(in.tissue.surface, cells_under(usual(w), kFineCellM).row_m);
   if (fine.skin) w.by_skin = *fine.skin;
-  std::vector<WeighedTissues> starts{weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
-  bool untried = !all;
-  if (all) {
-    // Tissue that ends may be shallower than is stated where tissue that goes on is not.
-    const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarBeyondImage * w.depth.deviation;
-    untried = deep && effort != FitEffort::kAllStarts;
-    if (deep && !untried) {
+  // Tissue that ends may be shallower than is stated where tissue that goes on is not.
+  const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarBeyondImage * w.depth.deviation;
+  const bool all_starts = effort == FitEffort::kAllStarts, untried = !all || (deep && !all_starts);
+  std::vector<WeighedTissues> starts;
+  const auto weigh = [&]() -> TogetherWeighed {
+    starts = {weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
+    if (deep && all_starts) {
       ProbeFace shallow = usual(w);
       shallow.depth_m = image_m;
       try {
@@ -133,22 +133,27 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       } catch (const std::invalid_argument&) {  // beyond what is modelled
       }
     }
-    const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
-                                     return s.least().fit.rest;
-                                   })->least();
-    const double scale = std::hypot(least.fit.rest, kModelLog),
-                 places = w.cells.spacing_m * w.cells.row_m /
-                          std::max(kAlikeM2, alike_m2(least.fit.left, w.cells, scale));
-    for (WeighedTissues& start : starts) {
-      start.window.places = places;
-      for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
+    if (all) {
+      const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
+                                       return s.least().fit.rest;
+                                     })->least();
+      const double scale = std::hypot(least.fit.rest, kModelLog),
+                   places = w.cells.spacing_m * w.cells.row_m /
+                            std::max(kAlikeM2, alike_m2(least.fit.left, w.cells, scale));
+      for (WeighedTissues& start : starts) {
+        start.window.places = places;
+        for (CandidateTissue& m : start.models) weigher_.fit(start.window, m, scale);
+      }
     }
-  }
-  TogetherWeighed weighed;
-  if (all && !in.tissue.pad)
-    weighed = weigh_together(weigher_, in.told, starts);
-  else
+    if (all && !in.tissue.pad) return weigh_together(weigher_, in.told, starts);
     weigh_together(starts);
+    return {};
+  };
+  // What does not agree with other slices is searched as if they had not told where to begin, by the solves
+  // of another start.
+  if (all_starts && !in.tissue.pad && !deep) w.told = in.told;
+  TogetherWeighed weighed = weigh();
+  if (weighed.heeded != Heeded::kAll && !w.told.empty()) w.told.clear(), weighed = weigh();
   ProbeFit out = publish(starts, in, sign, all, untried);
   out.told = std::move(weighed.told);
   if (weighed.heeded == Heeded::kAll)

@@ -91,6 +91,9 @@ struct ToldTissue {
   // inverse of the covariance, and its product with the mean. Empty: nothing is told.
   Eigen::MatrixXd information = {};
   Eigen::VectorXd load = {};
+  // Where its fit leads, or where it was solved if that is near: the face, the depth, how far beside the face
+  // it ends; 0: not known. The next slice begins there.
+  double elevation_m = 0, depth_m = 0, beside_m = 0;
 };
 struct ToldBeside {
   double offset_m = 0;  // across the image

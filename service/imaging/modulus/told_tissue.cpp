@@ -23,8 +23,9 @@ constexpr double kMostSlices = 4;
 constexpr double kNotWeighed = -5;  // ln of the likelihood of a tissue that a slice did not weigh; the least
 // From slice to slice, of ln of elevation and depth: standard deviations; of the skin kSkinVariesLog.
 constexpr double kElevationVaries = 0.02, kDepthVaries = 0.03;
-constexpr double kUnlike = 3;        // deviations
-constexpr double kLeastTold = 1e-6;  // of a variance, taken off: less is rounding
+constexpr double kUnlike = 3;              // deviations
+constexpr double kNearWhereSolved = 0.04;  // of ln of the lengths: the next slice need not begin elsewhere
+constexpr double kLeastTold = 1e-6;        // of a variance, taken off: less is rounding
 
 struct WeighedSlice {
   const ToldBeside& slice;
@@ -48,11 +49,12 @@ std::vector<WeighedSlice> weighed(const std::vector<ToldBeside>& beside, double 
   return out;
 }
 
-ToldTissue named(const TissueWindow& w, const CandidateTissue& m) {
-  const auto [ends, slides] = kind_of(m);
-  const double place = m.face.goes_on() ? 0 : m.place_m / w.face.depth_m;
-  const bool stated = place > 0 && m.place_m == w.beside_m;
-  return {ends, slides, stated ? -1 : static_cast<int>(std::lround(100 * place))};
+// Of the faces and depths that the fits of two lead to, of solids: how far ln of either differs.
+double apart(const CandidateTissue& a, const CandidateTissue& b) {
+  const auto of = [&](double ProbeFace::*length, Index column) {
+    return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
+  };
+  return std::max(of(&ProbeFace::elevation_m, kElevation), of(&ProbeFace::depth_m, kDepth));
 }
 
 bool same(const ToldTissue& a, const ToldTissue& b) {
@@ -63,6 +65,48 @@ const ToldTissue* find(const std::vector<ToldTissue>& tissues, const ToldTissue&
   const auto at = std::ranges::find_if(tissues, [&](const ToldTissue& t) { return same(t, name); });
   return at == tissues.end() ? nullptr : &*at;
 }
+
+}  // namespace
+
+ToldTissue named(const TissueWindow& w, const CandidateTissue& m) {
+  const auto [ends, slides] = kind_of(m);
+  const double place = m.face.goes_on() ? 0 : m.place_m / w.face.depth_m;
+  const bool stated = place > 0 && m.place_m == w.beside_m;
+  return {ends, slides, stated ? -1 : static_cast<int>(std::lround(100 * place))};
+}
+
+const ToldTissue* nearest(const std::vector<ToldBeside>& beside, const ToldTissue& name) {
+  const auto at =
+      std::ranges::min_element(beside, {}, [](const ToldBeside& s) { return std::abs(s.offset_m); });
+  const ToldTissue* told = at == beside.end() ? nullptr : find(at->tissues, name);
+  return told && told->elevation_m > 0 && told->depth_m > 0 ? told : nullptr;
+}
+
+double told_odds(const std::vector<ToldBeside>& beside, const ProbeFace& face, const ToldTissue& name) {
+  // Where the face is tilted nothing that ends is tried, and nothing is told of where the tissue does.
+  const auto weighed_ends = [](const WeighedSlice& w) {
+    return std::ranges::any_of(w.slice.tissues,
+                               [](const ToldTissue& t) { return t.ends == 1 || t.ends == 2; });
+  };
+  double odds = 0;
+  for (const WeighedSlice& w : weighed(beside, face.elevation_m)) {
+    if (!weighed_ends(w)) continue;
+    const ToldTissue* told = find(w.slice.tissues, name);
+    odds += w.weight * (told ? std::max(kNotWeighed, told->log_likelihood) : kNotWeighed);
+  }
+  return odds;
+}
+
+ProbeFace begun_at(const ToldTissue& told, const TissueWindow& w, ProbeFace face) {
+  const auto within = [](const KnownLength& of, double at_m) {
+    return std::clamp(at_m, std::exp(of.low), std::exp(of.high));
+  };
+  face.elevation_m = within(w.elevation, told.elevation_m);
+  face.depth_m = within(w.depth, told.depth_m);
+  return face;
+}
+
+namespace {
 
 // What is told of a tissue: which columns of its fit, the face's before the skin's; what those are beyond;
 // what is known of them beforehand, as the fit heeds it; how they vary from slice to slice.
@@ -150,20 +194,9 @@ std::vector<ToldTissue> told_by(const std::vector<WeighedTissues>& starts) {
 }
 
 void add_odds(const std::vector<ToldBeside>& beside, std::vector<WeighedTissues>& starts) {
-  // Where the face is tilted nothing that ends is tried, and nothing is told of where the tissue does.
-  const auto weighed_ends = [](const WeighedSlice& w) {
-    return std::ranges::any_of(w.slice.tissues,
-                               [](const ToldTissue& t) { return t.ends == 1 || t.ends == 2; });
-  };
-  for (WeighedTissues& start : starts) {
-    const std::vector<WeighedSlice> slices = weighed(beside, start.window.face.elevation_m);
+  for (WeighedTissues& start : starts)
     for (CandidateTissue& m : start.models)
-      for (const WeighedSlice& w : slices) {
-        if (!weighed_ends(w)) continue;
-        const ToldTissue* told = find(w.slice.tissues, named(start.window, m));
-        m.log_prior += w.weight * (told ? std::max(kNotWeighed, told->log_likelihood) : kNotWeighed);
-      }
-  }
+      m.log_prior += told_odds(beside, start.window.face, named(start.window, m));
 }
 
 Heeded sharpen(const std::vector<ToldBeside>& beside, std::vector<WeighedTissues>& starts) {
@@ -226,6 +259,27 @@ void weigh_together(std::vector<WeighedTissues>& starts) {
     for (CandidateTissue* m : models) m->weight /= sum;
 }
 
+namespace {
+
+// Where each tissue leads by all that is known, or where it was solved if that is near. The reference stays:
+// places beside the probe are told by its depth.
+void tell_begins(const std::vector<WeighedTissues>& starts, std::vector<ToldTissue>& told) {
+  for (const WeighedTissues& start : starts)
+    for (const CandidateTissue& m : start.models) {
+      const auto at =
+          std::ranges::find_if(told, [&](const ToldTissue& t) { return same(t, named(start.window, m)); });
+      if (m.block || at == told.end() || (at->elevation_m > 0 && m.weight == 0)) continue;  // a twin
+      ProbeFace face = m.face;
+      if (m.weight > kLeastWeight) face = led_to(start.window, m, m.with_skin ? *m.with_skin : m.fit);
+      if (way_to(face, m) < kNearWhereSolved) face = m.face;
+      if (face.goes_on() && !face.slides) face = start.window.face;
+      at->elevation_m = face.elevation_m, at->depth_m = face.depth_m;
+      at->beside_m = face.goes_on() ? 0 : face.beside_m;
+    }
+}
+
+}  // namespace
+
 TogetherWeighed weigh_together(const TissueWeigher& weigher, const std::vector<ToldBeside>& beside,
                                std::vector<WeighedTissues>& starts) {
   const auto weigh = [&](std::vector<WeighedTissues>& of) {
@@ -237,12 +291,14 @@ TogetherWeighed weigh_together(const TissueWeigher& weigher, const std::vector<T
   };
   weigh(starts);
   TogetherWeighed out{told_by(starts)};
-  if (beside.empty()) return out;
-  std::vector<WeighedTissues> together = starts;
-  add_odds(beside, together);
-  weigh(together);
-  out.heeded = sharpen(beside, together);
-  if (out.heeded != Heeded::kContradicted) starts = std::move(together);
+  if (!beside.empty()) {
+    std::vector<WeighedTissues> together = starts;
+    add_odds(beside, together);
+    weigh(together);
+    out.heeded = sharpen(beside, together);
+    if (out.heeded != Heeded::kContradicted) starts = std::move(together);
+  }
+  tell_begins(starts, out.told);
   return out;
 }
 

@@ -9,7 +9,17 @@
 
 namespace teletact::service {
 
-// By this window's strain alone, whatever add_odds() has added.
+// The name of a tissue's kind.
+ToldTissue named(const TissueWindow&, const CandidateTissue&);
+// What the nearest slice tells of that kind; null: not where it was. This face with the lengths that it had
+// there, as far as the window allows them.
+const ToldTissue* nearest(const std::vector<ToldBeside>&, const ToldTissue& name);
+ProbeFace begun_at(const ToldTissue&, const TissueWindow&, ProbeFace);
+// ln of the odds of that kind by other slices, under a face as long as this one.
+double told_odds(const std::vector<ToldBeside>&, const ProbeFace&, const ToldTissue& name);
+
+// By this window's strain alone, whatever add_odds() has added, but for what a fit is not linear in: how far
+// that is depends on where each tissue was solved, which other slices may have told.
 std::vector<ToldTissue> told_by(const std::vector<WeighedTissues>&);
 // Before they are weighed together: their odds by other slices.
 void add_odds(const std::vector<ToldBeside>&, std::vector<WeighedTissues>&);

@@ -1,11 +1,13 @@
 #include "service/imaging/modulus/weighed_tissues.h"
 
 #include <array>
+#include <ranges>
 #include <stdexcept>
 #include <utility>
 
 #include "service/device/cancellation.h"
 #include "service/imaging/modulus/pad.h"
+#include "service/imaging/modulus/told_tissue.h"
 #include "service/imaging/tracking/median.h"
 
 namespace teletact::service {
@@ -15,21 +17,17 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kLeastStrain = 0.02;   // of the median, that a model shows anywhere: less is a lump to it
-constexpr double kUsualGrading = 0.12;  // of ln E from the face to the bottom of the image, beforehand
 constexpr double kDeepestBlockM = 0.4;  // of an image
 // What the tissue may be. Where it may end beside the probe, in depths: the next to a place is as likely.
 constexpr std::array kBesideDepths{0.0, 0.1, 0.2, 0.35, 0.5, 0.7};
 constexpr double kGoesOn = 0.5, kSlides = 0.3, kIsBlock = 0.05;  // beforehand: shares of all, of each, of all
 constexpr double kBesideAsStated = 0.9, kAsWideM = 0.5e-3;
-constexpr double kUsualPad = 0.5;    // of ln of a pad's modulus over the tissue's, about the first guess
-constexpr double kOfGridStep = 0.3;  // deviation of where it ends, in steps between the places
 
 constexpr double kVary = 0.15, kTiltStep = 0.1;
-constexpr double kWorthless = 5;  // ln of the odds against a model that is not looked at closer
-constexpr double kSettled = 0.1;  // of ln of elevation and depth: what is linear enough
+constexpr double kWorthless = 5;   // ln of the odds against a model that is not looked at closer
+constexpr double kFewPercent = 3;  // the same, by all slices, of one that stays where it was in another
+constexpr double kSettled = 0.1;   // of ln of elevation and depth: what is linear enough
 constexpr int kRoundsOfOthers = 2;
-constexpr double kSkinBeside = 0.3;    // depths beside the face: nearer sides change what skin does
-constexpr double kLateralRatio = 0.1;  // deviation of - lateral over axial strain, model and measured
 
 std::uint64_t bytes_of(const TissueAnswer& answer) {
   return sizeof(answer) +
@@ -38,7 +36,6 @@ std::uint64_t bytes_of(const TissueAnswer& answer) {
 
 }  // namespace
 
-// A field of cells in the middles of other cells.
 VectorXd sampled(const VectorXd& of, const CellGrid& cells, const CellGrid& at) {
   const ImageGrid middles{at.columns, at.rows, at.first_x_m, at.row_m / 2, at.spacing_m, at.row_m};
   VectorXd out(static_cast<Index>(at.size()));
@@ -130,73 +127,11 @@ const TissueAnswer& TissueWeigher::keep(TissueAnswer answer) {
   return *answers_.back();
 }
 
-namespace {
-
-VectorXd residual_of(const TissueWindow& w, const CandidateTissue& m) {
-  VectorXd residual = m.answer->log_strain - w.measured.log_strain;
-  if (!m.block) residual += w.finer;
-  return residual;
-}
-
-std::vector<FitColumn> columns_of(const TissueWindow& w, const CandidateTissue& m) {
-  std::vector<FitColumn> columns{{-w.by_tilt, 0, kUsualTilt, false}};
-  // Sides may look like a grading: it counts where they are tried.
-  if (!w.as_stated) columns.push_back({w.of_depth, 0, kUsualGrading, true});
-  if (!m.block && !w.as_stated) {
-    const auto known = [&](const KnownLength& of, const VectorXd& by, double at_m) {
-      columns.push_back({-by, of.log - std::log(at_m), of.deviation, of.stated, kLinear});
-    };
-    known(w.elevation, m.by_elevation.strain, m.face.elevation_m);
-    known(w.depth, m.by_depth.strain, m.face.depth_m);
-    if (m.by_beside.size()) columns.push_back({-m.by_beside, 0, kOfGridStep, false});
-  }
-  if (w.face.pad_m > 0) {
-    if (!m.block && !w.as_stated)
-      columns.push_back({-w.by_pad_thickness.strain, w.pad.log - std::log(m.face.pad_m), w.pad.deviation,
-                         w.pad.stated, kLinear});
-    columns.push_back({-w.by_pad_modulus, w.pad_log - m.face.pad_log, kUsualPad, false});
-  }
-  return columns;
-}
-
-}  // namespace
-
-void TissueWeigher::fit(const TissueWindow& w, CandidateTissue& m, double scale) const {
-  m.fit = fit_robustly(residual_of(w, m), w.measured.observed, columns_of(w, m), w.places, scale);
-  if (std::isfinite(w.lateral_ratio))
-    m.fit.misfit += std::log1p(squared((w.lateral_ratio - m.answer->lateral_ratio) / kLateralRatio) / 2);
-}
-
-void TissueWeigher::fit_skin(const TissueWindow& w, CandidateTissue& m, double scale) const {
-  if (m.block || m.face.pad_m > 0 || m.face.beside_m < kSkinBeside * m.face.depth_m) return;
-  std::vector<FitColumn> columns = columns_of(w, m);
-  for (std::size_t k = 0; k < kSkinChanges; ++k)
-    columns.push_back({-w.by_skin.log_strain[k], w.skin.mean[k], w.skin.deviation[k], true});
-  m.with_skin = fit_robustly(residual_of(w, m), w.measured.observed, columns, w.places, scale);
-}
-
 // To where its elevation, depth and end are linear.
 void TissueWeigher::settle(const TissueWindow& w, CandidateTissue& m, int rounds) {
   for (; rounds > 0 && !m.block; --rounds) {
-    ProbeFace face = m.face;
-    const auto moved = [](const KnownLength& of, double at_m, double by) {
-      return std::exp(std::clamp(std::log(at_m) + by, of.low, of.high));
-    };
-    face.elevation_m = moved(w.elevation, face.elevation_m, m.fit.at[kElevation]);
-    face.depth_m = moved(w.depth, face.depth_m, m.fit.at[kDepth]);
-    if (face.pad_m > 0) {
-      face.pad_m = moved(w.pad, face.pad_m, m.fit.at[pad_column(m.fit)]);
-      face.pad_log = std::clamp(face.pad_log + m.fit.at[pad_column(m.fit) + 1], -kMostPadLog, kMostPadLog);
-    }
-    if (m.by_beside.size())
-      face.beside_m = std::clamp(face.beside_m + m.step_m * m.fit.at[kBeside],
-                                 std::max(0.0, m.place_m - m.step_m / 2), m.place_m + m.step_m / 2);
-    const double way =
-        std::max({std::abs(std::log(face.elevation_m / m.face.elevation_m)),
-                  std::abs(std::log(face.depth_m / m.face.depth_m)), std::abs(face.pad_log - m.face.pad_log),
-                  face.pad_m > 0 ? std::abs(std::log(face.pad_m / m.face.pad_m)) : 0.0,
-                  m.step_m > 0 ? 0.5 * std::abs(face.beside_m - m.face.beside_m) / m.step_m : 0.0});
-    if (way < kSettled) return;
+    const ProbeFace face = led_to(w, m, m.fit);
+    if (way_to(face, m) < kSettled) return;
     try {
       CandidateTissue other = m;
       other.face = face, other.answer = &answer(face);
@@ -206,6 +141,20 @@ void TissueWeigher::settle(const TissueWindow& w, CandidateTissue& m, int rounds
       return;
     }
   }
+}
+
+// Where it was in the nearest slice.
+auto TissueWeigher::begin_as_told(const TissueWindow& w, CandidateTissue& m) -> Begun {
+  const ToldTissue* told = nearest(w.told, named(w, m));
+  if (m.block || told == nullptr) return Begun::kNot;
+  ProbeFace face = begun_at(*told, w, m.face);
+  if (m.by_beside.size()) face.beside_m = within_place(m, told->beside_m);
+  try {
+    m.answer = &answer(face), m.face = face;
+  } catch (const std::invalid_argument&) {  // beyond what is modelled
+    return Begun::kFailed;
+  }
+  return Begun::kYes;
 }
 
 // By an answer more. The one way or the other: it may stand at the edge of what is modelled.
@@ -339,21 +288,35 @@ void TissueWeigher::consider_others(const TissueWindow& w, std::vector<Candidate
 
 WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start, bool all, int rounds) {
   WeighedTissues out{std::move(window), {}};
-  out.models.push_back(reference(out.window, start, rounds));
+  const TissueWindow& w = out.window;
+  // That of the slices before, so that places beside the probe are theirs. Its failure takes a round's
+  // solves.
+  if (const ToldTissue* told = nearest(w.told, {})) try {
+      out.models.push_back(reference(out.window, begun_at(*told, w, start), 1));
+    } catch (const std::invalid_argument&) {  // beyond what is modelled, here
+      rounds = std::max(1, rounds - 1);
+    }
+  if (out.models.empty()) out.models.push_back(reference(out.window, start, rounds));
   if (!all) return out;
-  consider_others(out.window, out.models);
-  for (CandidateTissue& m : out.models) fit(out.window, m, 0);
+  consider_others(w, out.models);
+  for (CandidateTissue& m : out.models) fit(w, m, 0);
   const double scale = std::hypot(out.least().fit.rest, kModelLog);
-  for (CandidateTissue& m : out.models) fit(out.window, m, scale);
-  const double best = out.best();
+  for (CandidateTissue& m : out.models) fit(w, m, scale);
+  const auto by_all = [&](const CandidateTissue& m) {
+    return m.odds() + told_odds(w.told, w.face, named(w, m));
+  };
+  const double best = out.best(), best_by_all = std::ranges::max(out.models | std::views::transform(by_all));
   for (CandidateTissue& m : out.models) {
     if (!(m.odds() > best - kWorthless)) continue;
+    const bool counts = by_all(m) > best_by_all - kFewPercent;
+    const Begun begun = begin_as_told(w, m);
     if (!m.block && m.face.beside_m < kSkinBeside * m.face.depth_m) try {
         m.by_elevation = by(&ProbeFace::elevation_m, m);
-        fit(out.window, m, scale);
       } catch (const std::invalid_argument&) {  // beyond what is modelled: about as the reference's
       }
-    settle(out.window, m, kRoundsOfOthers);
+    fit(w, m, scale);
+    const int spent = begun == Begun::kNot ? 0 : 1;
+    if (counts || begun != Begun::kYes) settle(w, m, kRoundsOfOthers - spent);
   }
   return out;
 }
@@ -370,17 +333,6 @@ int TissueWeigher::max_coarse_solves(bool all, bool pad) {
   return (pad ? 2 : 0) + (all ? max_coarse_solves_of_reference(pad) + kCoarsePerSolve + 3 * kOthers +
                                     (1 + kOthers) * kRoundsOfOthers
                               : (pad ? 9 : 6));
-}
-
-std::array<int, 2> kind_of(const CandidateTissue& m) {
-  return {m.block ? 3 : m.face.goes_on() ? 0 : m.face.beside_m > 0 ? 1 : 2, m.face.slides};
-}
-
-double apart(const CandidateTissue& a, const CandidateTissue& b) {
-  const auto of = [&](double ProbeFace::*length, Index column) {
-    return std::abs(std::log(a.face.*length / (b.face.*length)) + a.fit.at[column] - b.fit.at[column]);
-  };
-  return std::max(of(&ProbeFace::elevation_m, kElevation), of(&ProbeFace::depth_m, kDepth));
 }
 
 }  // namespace teletact::service

@@ -27,6 +27,8 @@ inline constexpr double kMaxTiltOfSides = 0.2;  // of the same: with more no sid
 inline constexpr double kLogStated = 0.1;       // of what is stated without a deviation of its own
 inline constexpr double kOtherLength = 0.25;    // of ln of depth or elevation: other tissue of the same kind
 inline constexpr double kLeastWeight = 0.01;    // of a tissue that counts
+inline constexpr double kOfGridStep = 0.3;      // deviation of where it ends, in steps between the places
+inline constexpr double kSkinBeside = 0.3;      // depths beside the face: nearer sides change what skin does
 inline constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
 inline constexpr int kRoundsOfReference = 3;
 inline constexpr double kMostPadLog = 3;  // of ln of a pad's modulus over the tissue's
@@ -95,6 +97,9 @@ struct TissueWindow {
   ByLength by_pad_thickness = {};
   Eigen::VectorXd by_pad_modulus = {};
   SkinAnswer by_skin = {};  // where more than a level and a tilt is fitted
+  // What other slices told: the reference is that of the nearest. Each other tissue begins where it was
+  // there, and moves on where it counts by all of them.
+  std::vector<ToldBeside> told = {};
 };
 
 struct CandidateTissue {
@@ -138,7 +143,8 @@ class TissueWeigher {
   const FineAnswer& fine(const ProbeFace&, bool with_skin);
   // The last of its cells, or with its solver where the mesh is the same. Throws alike.
   std::shared_ptr<ProbedTissue> solid(const ProbeFace&, double cell_m);
-  // The reference, which moves from its start in `rounds` less one; `all`: what else the tissue may be, too.
+  // The reference, which moves from its start in `rounds` less one unless slices told it; `all`: what else
+  // the tissue may be, too.
   WeighedTissues weigh(TissueWindow, const ProbeFace& start, bool all, int rounds);
   // To the window's strain, at one scale, or (0) that of what it leaves itself.
   void fit(const TissueWindow&, CandidateTissue&, double scale) const;
@@ -157,6 +163,8 @@ class TissueWeigher {
   TissueAnswer answer_of(ProbedTissue&, const ProbeFace&) const;
   const TissueAnswer& keep(TissueAnswer);
   ByLength by(double ProbeFace::*length, const CandidateTissue&);
+  enum class Begun { kNot, kFailed, kYes };  // the last two take a solve
+  Begun begin_as_told(const TissueWindow&, CandidateTissue&);
   void settle(const TissueWindow&, CandidateTissue&, int rounds);
   void consider_others(const TissueWindow&, std::vector<CandidateTissue>&);
   Queue queue_;
@@ -172,9 +180,12 @@ class TissueWeigher {
   int coarse_solves_ = 0;
 };
 
+// As far as it may lie from there where its place is.
+double within_place(const CandidateTissue&, double beside_m);
+// The face that a fit leads to, of a solid, and how far that is: of ln of its lengths, in half steps of its
+// end.
+ProbeFace led_to(const TissueWindow&, const CandidateTissue&, const RobustFit&);
+double way_to(const ProbeFace&, const CandidateTissue&);
 // What ends here or there ends: whether and how, and whether it slides.
 std::array<int, 2> kind_of(const CandidateTissue&);
-// Of the faces and depths that the fits of two lead to, of solids: how far ln of either differs.
-double apart(const CandidateTissue&, const CandidateTissue&);
-
 }  // namespace teletact::service

@@ -38,7 +38,7 @@ class Pressed {
   using Of = std::function<double(double x_m, double y_m)>;
   explicit Pressed(
       const ProbeFace& f, const Of& strained = [](double, double) { return 1.0; },
-      const Of& log_modulus = [](double, double) { return 0.0; }) {
+      const Of& log_modulus = [](double, double) { return 0.0; }, unsigned seed = 7) {
     const auto tissue = solid(f);
     const CellGrid& cells = tissue->cells();
     Eigen::VectorXd theta(static_cast<Eigen::Index>(cells.size()));
@@ -50,7 +50,7 @@ class Pressed {
                lateral = as_measured(response.lateral_strain, tissue->cells(), {});
     Measured& m = measured;
     m.grid = {59, 39, 0.5e-3, 0.5e-3, 0.5e-3, 0.5e-3};
-    std::mt19937 random(7);
+    std::mt19937 random(seed);
     std::normal_distribution<double> normal(0, kNoise);
     const Field nothing(m.grid.size(), 0.0F);
     m.axial_displacement = m.lateral_displacement = m.axial_displacement_std = m.lateral_displacement_std =

@@ -6,11 +6,16 @@
 #include <Eigen/LU>
 
 #include <cmath>
+#include <cstdio>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "service/base/squared.h"
 #include "service/imaging/modulus/skin.h"
 #include "tests/imaging/imaging_device.h"
+#include "tests/imaging/modulus/pressed.h"
 
 namespace teletact::service {
 namespace {
@@ -194,6 +199,94 @@ TEST(ToldTissue, WhatContradictsTheLikeliestOrLeadsFarChangesNothing) {
     EXPECT_EQ(here[0].models[0].fit.at[kDepth], 0);
     EXPECT_EQ(here[0].models[0].fit.covariance(kDepth, kDepth), squared(deviation));
   }
+}
+
+// One estimate after the other with one method.
+struct Slices {
+  const std::unique_ptr<ModulusMethod> method = make_solid(imaging_device()->queue(), {});
+  ModulusEstimate estimate(const test::Pressed& pressed, const std::vector<ToldBeside>& told,
+                           double elevation_m = test::kElevationM) const {
+    const TissueExtent tissue{0.1, test::kDepthM, 0.035, 0.49, Plane::kSolid, elevation_m};
+    ModulusInput in{pressed.measured, test::kWidthM, tissue, pressed.force};
+    in.told = told;
+    return method->estimate(in);
+  }
+};
+
+TEST(ToldTissue, ASliceBeginsWhereOthersFoundTheTissueAndFindsTheSame) {
+  for (const auto& [of, is] : {std::pair(test::face(0.015, true), "slides"),
+                               std::pair(test::face(0.007), "ends"), std::pair(test::face(), "continues")}) {
+    const auto homogeneous = [](double of_all) { return [=](double, double) { return of_all; }; };
+    std::vector<test::Pressed> pressed;
+    for (const unsigned seed : {1U, 2U, 3U}) pressed.emplace_back(of, homogeneous(1), homogeneous(0), seed);
+    const auto third = [&](bool begins) {
+      const Slices slices;
+      std::vector<ToldBeside> told;
+      for (const std::size_t n : {0U, 1U}) {
+        told.insert(told.begin(), {0.006, slices.estimate(pressed[n], told).told});
+        for (ToldTissue& t : told.front().tissues)
+          if (!begins) t.elevation_m = t.depth_m = t.beside_m = 0;
+        if (n > 0) told.back().offset_m = 0.012;
+      }
+      return slices.estimate(pressed[2], told);
+    };
+    const ModulusEstimate with = third(true), without = third(false);
+    std::printf("%s: %d solves, without begins %d\n", is, with.solves, without.solves);
+    EXPECT_LT(with.solves, without.solves);
+    for (const ModulusEstimate* e : {&with, &without}) {
+      EXPECT_NE(e->model.find(is), std::string::npos) << e->model;
+      EXPECT_NE(e->model.find("; agrees with other slices"), std::string::npos) << e->model;
+      EXPECT_NEAR(test::background(*e, pressed[2].measured) / test::kModulusPa, 1, 0.1) << e->model;
+    }
+  }
+}
+
+TEST(ToldTissue, ASliceThatContradictsOthersIsSearchedAsIfThereWereNone) {
+  ProbeFace longer = test::face();
+  longer.elevation_m = 0.008;
+  const test::Pressed pressed(test::face()), other(longer);
+  const Slices slices;
+  const std::vector<ToldBeside> told{{0.006, slices.estimate(other, {}, longer.elevation_m).told}};
+  ASSERT_FALSE(told[0].tissues.empty());
+  const ModulusEstimate alone = slices.estimate(pressed, {}), here = slices.estimate(pressed, told);
+  EXPECT_NE(here.model.find("disagrees with other slices"), std::string::npos) << here.model;
+  ASSERT_EQ(here.youngs_modulus.size(), alone.youngs_modulus.size());
+  for (std::size_t n = 0; n < alone.youngs_modulus.size(); ++n) {
+    if (!std::isfinite(alone.youngs_modulus[n])) continue;
+    EXPECT_NEAR(here.youngs_modulus[n] / alone.youngs_modulus[n], 1, 1e-3);
+  }
+}
+
+TEST(ToldTissue, BeginsWithinWhatTheWindowAllows) {
+  const auto starts = of_slice({tissue(HUGE_VAL, 0, 0)});
+  const TissueWindow& w = starts[0].window;
+  ToldTissue told;
+  EXPECT_EQ(nearest({{kFaceM, {told}}}, told), nullptr) << "a file of before";
+  told.elevation_m = 1e-7, told.depth_m = 5;
+  const ProbeFace far = begun_at(told, w, w.face);
+  EXPECT_DOUBLE_EQ(far.elevation_m, 3e-3);
+  EXPECT_DOUBLE_EQ(far.depth_m, 0.12);
+  told.elevation_m = 0.01 / 3, told.depth_m = 0.05 / 0.9;
+  const ProbeFace here = begun_at(told, w, w.face);
+  EXPECT_EQ(here.elevation_m, 0.01 / 3) << "to the last digit: its answers are kept";
+  EXPECT_EQ(here.depth_m, 0.05 / 0.9);
+}
+
+// What is told is by the likeliest face, unless that is near the one that was solved; of the reference its
+// own.
+TEST(ToldTissue, TellsWhereTheNextSliceBegins) {
+  auto starts =
+      of_slice({tissue(HUGE_VAL, 0, 9), tissue(0.004, 0, 0), tissue(0.008, 0, 0), tissue(0.012, 0, 9)});
+  for (CandidateTissue& m : starts[0].models) m.fit.at[kDepth] = 0.1;
+  starts[0].models[2].fit.at[kDepth] = 0.03;
+  const TissueWeigher weigher(imaging_device()->queue(), {}, std::make_shared<StripCache>());
+  const std::vector<ToldTissue> told = weigh_together(weigher, {}, starts).told;
+  ASSERT_EQ(told.size(), 4U);
+  EXPECT_EQ(told[0].depth_m, kDepthM) << "the reference";
+  EXPECT_NEAR(told[1].depth_m, kDepthM * std::exp(0.1), 1e-9);
+  EXPECT_EQ(told[2].depth_m, kDepthM) << "near where it was solved";
+  EXPECT_EQ(told[3].depth_m, kDepthM) << "does not count";
+  EXPECT_EQ(told[2].beside_m, 0.008);
 }
 
 }  // namespace
