@@ -1,7 +1,6 @@
 #include "service/imaging/modulus/weighed_tissues.h"
 
 #include <array>
-#include <ranges>
 #include <stdexcept>
 #include <utility>
 
@@ -305,7 +304,7 @@ WeighedTissues TissueWeigher::weigh(TissueWindow window, const ProbeFace& start,
   const auto by_all = [&](const CandidateTissue& m) {
     return m.odds() + told_odds(w.told, w.face, named(w, m));
   };
-  const double best = out.best(), best_by_all = std::ranges::max(out.models | std::views::transform(by_all));
+  const double best = out.best(), best_by_all = by_all(*std::ranges::max_element(out.models, {}, by_all));
   for (CandidateTissue& m : out.models) {
     if (!(m.odds() > best - kWorthless)) continue;
     const bool counts = by_all(m) > best_by_all - kFewPercent;
