@@ -188,4 +188,5 @@ ProbeFace led_to(const TissueWindow&, const CandidateTissue&, const RobustFit&);
 double way_to(const ProbeFace&, const CandidateTissue&);
 // What ends here or there ends: whether and how, and whether it slides.
 std::array<int, 2> kind_of(const CandidateTissue&);
+
 }  // namespace teletact::service
