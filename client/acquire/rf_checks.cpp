@@ -193,7 +193,7 @@ std::vector<std::string> doubtful_lengths(const RfLengths& lengths) {
     if (ratio > kAreasApart || ratio < 1 / kAreasApart)
       doubts.push_back(fmt::format(
           "--contact-area-m2 {:.3g} is {:.2g} times --probe-elevation-m {:.3g} times the frame's width "
-          "{:.3g} m: the modulus in Pa goes with the area; correct one of them",
+          "{:.3g} m: a solid's modulus goes with the elevation, not with the area; correct one of them",
           lengths.contact_area_m2, ratio, lengths.probe_elevation_m, lengths.width_m));
   }
   return doubts;

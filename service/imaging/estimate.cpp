@@ -83,7 +83,7 @@ void place_below(double surface_m, ModulusInput& input) {
                     "coupling; state the depth "
                     "of its far side from the probe's face (of a scene, take a deeper one)",
                     1e3 * input.tissue.depth_m, 1e3 * surface_m));
-  input.tissue.depth_m -= surface_m;
+  input.tissue.depth_m -= surface_m, input.tissue.surface_m = surface_m;
   from_surface(input.known.modulus_pa), from_surface(input.known.log_deviation);
   for (SliceBeside& slice : input.beside) from_surface(slice.modulus_pa);
 }

@@ -217,6 +217,11 @@ void settle_surface(Surface& surface, bool solid) {
   if (surface.ratio_std == 0) surface.ratio_std = choices::kCapsuleRatioDeviation * surface.ratio;
 }
 
+// Deviation of ln E by it, T3.10.
+double preload_log(const EstimateRequest& r) {
+  return std::hypot(r.preload_m, r.preload_std_m) / r.tissue.depth_m;
+}
+
 void settle_pad(EstimateRequest& r) {
   constexpr double kMinThicknessM = 7e-3;  // the near field and the kernel at its end leave two cells
   constexpr double kMinModulusPa = 100, kMaxModulusPa = 10e6;
@@ -241,6 +246,8 @@ void settle_pad(EstimateRequest& r) {
   if (pad.thickness_std_m == 0) pad.thickness_std_m = choices::kPadDeviation * pad.thickness_m;
   if (pad.youngs_modulus_std_pa == 0)
     pad.youngs_modulus_std_pa = choices::kPadDeviation * pad.youngs_modulus_pa;
+  if (!r.force)
+    pad.youngs_modulus_std_pa = std::hypot(pad.youngs_modulus_std_pa, preload_log(r) * pad.youngs_modulus_pa);
 }
 
 // Of a plane tissue that is not stated is taken for as wide as the frame, and as deep.
@@ -263,8 +270,7 @@ void settle_deviations(EstimateRequest& r, bool with_scene) {
   require_between("acquisition.preload_std_m", r.preload_std_m, 0.0, tissue.depth_m / 2,
                   "give its standard deviation in metres, or leave it out");
   if (r.force)  // T3.10
-    r.force->shared_deviation =
-        std::hypot(r.force->shared_deviation, std::hypot(r.preload_m, r.preload_std_m) / tissue.depth_m);
+    r.force->shared_deviation = std::hypot(r.force->shared_deviation, preload_log(r));
 }
 
 void settle_tissue(EstimateRequest& r, const Limits& limits) {

@@ -50,6 +50,9 @@ struct Asked {
   int solves = ModulusBudget::kAll;
   double stated_depth_m = 0.040, elevation_m = 0, elevation_std_m = 0;
   std::optional<StandoffPad> pad = {};
+  // Below this the frames are silent, or end.
+  double heard_m = HUGE_VAL;
+  bool trimmed = false;
 };
 
 // Of a tissue, pressed once and estimated as often as asked.
@@ -62,13 +65,23 @@ class Window {
         rf_(client::with_noise(client::simulate_rf(t, probe_, client::RfFrame::kProbe, 5), 6)) {}
 
   Estimate estimate(const Asked& asked = {}, const std::vector<SliceBeside>& beside = {}) const {
-    const auto of = [&](const std::vector<std::int16_t>& samples) {
-      return RfFrame{rf_.geometry.sample_count, rf_.geometry.line_count, {samples.begin(), samples.end()}};
-    };
     AcquisitionGeometry g;
     g.center_frequency_hz = tissue_.ultrasound.center_frequency_hz;
     g.sampling_frequency_hz = tissue_.ultrasound.sampling_frequency_hz;
     g.line_pitch_m = rf_.geometry.line_pitch_m;
+    const std::size_t all = rf_.geometry.sample_count,
+                      heard = asked.heard_m < HUGE_VAL
+                                  ? static_cast<std::size_t>(asked.heard_m / g.sample_pitch_m())
+                                  : all,
+                      given = asked.trimmed ? heard : all;
+    const auto of = [&](const std::vector<std::int16_t>& samples) {
+      RfFrame frame{given, rf_.geometry.line_count,
+                    std::vector<float>(given * rf_.geometry.line_count, 0.0F)};
+      for (std::size_t line = 0; line < frame.line_count; ++line)
+        std::copy_n(samples.begin() + static_cast<std::ptrdiff_t>(line * all), heard,
+                    frame.samples.begin() + static_cast<std::ptrdiff_t>(line * given));
+      return frame;
+    };
     TissueExtent extent{tissue_.width_m, asked.stated_depth_m, left_m_, tissue_.poisson_ratio, asked.plane};
     extent.depth_stated = asked.depth, extent.probe_elevation_m = asked.elevation_m;
     extent.probe_elevation_std_m = asked.elevation_std_m, extent.pad = asked.pad;
@@ -386,6 +399,39 @@ TEST(SolidWindow, ATimeLimitIsKeptAndSaid) {
   std::printf("one step: contrast %.2f of 5, stated %.2f\n", inside / kBackgroundPa,
               deviation_where(e, lump));
   EXPECT_LE(std::abs(std::log(inside / kBackgroundPa / 5)), 1.96 * deviation_where(e, lump));
+}
+
+// What explains the strain may not be all that would: other tissue that was not tried is said, and counts.
+TEST(SolidWindow, WhatWasNotTriedIsSaidAndCounts) {
+  constexpr int kUsual = 20;  // solves
+  const auto stated = [](int solves) {
+    return even().estimate({.solves = solves, .elevation_m = kElevationM});
+  };
+  const auto all = [](double, double) { return true; };
+  const Estimate whole = stated(ModulusBudget::kAll), cut = stated(kUsual);
+  EXPECT_FALSE(warned(whole, ModulusFlag::kCut));
+  EXPECT_TRUE(warned(cut, ModulusFlag::kCut));
+  EXPECT_TRUE(cut.modulus.converged);
+  EXPECT_GE(deviation_where(cut, all), 0.1);
+}
+
+// A beamformer's window that ends before its file does, short of the tissue's bottom.
+TEST(SolidWindow, SilenceBelowChangesNothing) {
+  for (const double heard_m : {0.024, 0.030}) {
+    Asked asked{.heard_m = heard_m};
+    const Estimate whole = with_lump(true).estimate(asked);
+    asked.trimmed = true;
+    const Estimate trimmed = with_lump(true).estimate(asked);
+    std::printf("%.0f mm heard: background %.0f and %.0f Pa, contrast %.2f and %.2f\n", 1e3 * heard_m,
+                background(whole), background(trimmed), contrast(whole), contrast(trimmed));
+    EXPECT_LE(std::abs(std::log(background(whole) / background(trimmed))), 0.05);
+    EXPECT_LE(std::abs(std::log(contrast(whole) / contrast(trimmed))), 0.1);
+    EXPECT_NEAR(contrast(trimmed), 3, 0.3);
+    for (std::size_t n = 0; n < whole.grid.size(); ++n) {
+      ASSERT_TRUE(!whole.valid[n] || (whole.strain_valid[n] && std::isfinite(whole.axial_strain[n]))) << n;
+      ASSERT_TRUE(!whole.valid[n] || whole.grid.y_m(n) < heard_m) << n;
+    }
+  }
 }
 
 // A narrow probe, and sizes at the ends of what a request may state: answered or refused, in bounded memory.

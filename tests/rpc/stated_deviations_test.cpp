@@ -196,6 +196,8 @@ TEST(StatedDeviations, APadIsOfASolidAlone) {
   EXPECT_EQ(r.tissue.pad->youngs_modulus_std_pa, 3e3);
   EXPECT_NEAR(r.tissue.pad->thickness_std_m, 0.0004, 1e-12) << "a twentieth of it, where it is left out";
   EXPECT_FALSE(settled(acquisition()).tissue.pad);
+  stated.clear_probe_force(), stated.set_preload_m(0.003), stated.set_preload_std_m(0.004);
+  EXPECT_NEAR(settled(stated).tissue.pad->youngs_modulus_std_pa, std::hypot(3e3, 20e3 * 0.005 / 0.05), 1e-9);
   const auto refused = [&](const char* said, Set set, double value) {
     const std::string why = refusal([&](auto& a) { pad(a), set(a, value); });
     EXPECT_NE(why.find(said), std::string::npos) << value << ": " << why;

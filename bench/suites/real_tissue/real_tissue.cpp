@@ -30,9 +30,9 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RealWindow, row, estimator, contrast_of_lump,
 
 namespace {
 
-// Of each row, for a share to mean anything. Of the independent rows, whose share is of nodes, no more are
-// tried, and two are enough.
-constexpr std::size_t kMinSeeds = 10, kMinIndependentSeeds = 2;
+// Of each row, for a share to mean anything; of the patients', whose shares are of windows, five. Of the
+// independent rows, whose share is of nodes, no more than ten are tried, and two are enough.
+constexpr std::size_t kMinSeeds = 10, kMinPatientSeeds = 5, kMinIndependentSeeds = 2;
 
 struct RealOptions : SuiteOptions {
   std::size_t seeds = 20;
@@ -325,7 +325,7 @@ RealFigures measure(const RealOptions& options, Promises& promises) {
   };
   const std::vector<RealResult>&patients = held_to[Truth::kPatient], &wide = held_to[Truth::kIndependent],
         &beside = held_to[Truth::kIndependentBeside];
-  if (all_have(patients, kMinSeeds)) promise(patients, promises);
+  if (all_have(patients, kMinPatientSeeds)) promise(patients, promises);
   if (all_have(wide, kMinIndependentSeeds) && all_have(beside, kMinIndependentSeeds))
     promise_independent(wide, beside, promises);
   if (const std::vector<RealResult>& wrong = held_to[Truth::kStatedWrongly];

@@ -52,19 +52,37 @@ VectorXd weighted(const VectorXd& in, const CellGrid& cells, const std::vector<d
 constexpr double kNearFieldM = 3e-3;    // what the face's condition decides, not the modulus
 constexpr double kTold = 0.4;           // of the median modelled strain: with less a cell tells no modulus
 constexpr double kStandoffM = 4e-3;     // of the image without a trusted strain: less is the kernels'
-constexpr double kTrackedFromM = 1e-3;  // depth below the face where tracking begins
+constexpr double kTrackedFromM = 1e-3;  // depth below the face where tracking begins; as far from its end
+
+}  // namespace
+
+namespace {
+
+bool tracked_over_half(const Measured& m, std::size_t row) {
+  std::size_t tracked = 0;
+  for (std::size_t i = 0; i < m.grid.nx; ++i) tracked += m.strain_valid[i + m.grid.nx * row];
+  return 2 * tracked >= m.grid.nx;
+}
 
 }  // namespace
 
 double top_of(const Measured& m) {
   for (std::size_t j = 0; j < m.grid.ny; ++j) {
-    std::size_t tracked = 0;
-    for (std::size_t i = 0; i < m.grid.nx; ++i) tracked += m.strain_valid[i + m.grid.nx * j];
-    if (2 * tracked < m.grid.nx) continue;
+    if (!tracked_over_half(m, j)) continue;
     const double y_m = m.grid.y_m(m.grid.nx * j);
     return y_m - std::max(m.grid.origin_y_m, 0.0) < kStandoffM ? 0 : y_m - kTrackedFromM;
   }
   throw NoCompression("no depth of the image was tracked over half of its width; press further");
+}
+
+double bottom_of(const Measured& m) {
+  const double end_m = m.grid.y_m(m.grid.size() - 1) + m.grid.dy_m / 2;
+  for (std::size_t j = m.grid.ny; j-- > 0;) {
+    if (!tracked_over_half(m, j)) continue;
+    const double y_m = m.grid.y_m(m.grid.nx * j);
+    return end_m - y_m < kStandoffM ? end_m : y_m + kTrackedFromM;
+  }
+  return end_m;
 }
 
 void leave_out(const VectorXd& log_strain, const CellGrid& cells, double pad_m, double edge_m,

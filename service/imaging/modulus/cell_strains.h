@@ -22,6 +22,9 @@ CellStrains cell_strains(const Measured&, const CellGrid&, double top_m, double 
 // NoCompression.
 double top_of(const Measured&);
 
+// The depth to which it is shown: below it nothing is tracked over half of the width.
+double bottom_of(const Measured&);
+
 // Sets observed to 0 in cells that tell no modulus: near the face, within `edge_m` of a pad's end, and where
 // homogeneous tissue hardly strains. Throws NoCompression where none is left.
 void leave_out(const Eigen::VectorXd& log_strain, const CellGrid&, double pad_m, double edge_m,

@@ -188,22 +188,31 @@ bool warned(const ModulusEstimate& e, ModulusFlag flag) {
 void untracked(const ModulusInput& in, ModulusEstimate& out) {
   const std::vector<std::uint8_t>& trusted = in.measured.displacement_valid;
   double inside = 0, without = 0;
-  for (std::size_t n = 0; n < trusted.size(); ++n) {
+  // Below coupling tissue is told from a kernel's length on.
+  const auto first = in.measured.coupling_m > 0 ? std::ranges::find(trusted, 1) - trusted.begin() : 0;
+  for (std::size_t n = static_cast<std::size_t>(first); n < trusted.size(); ++n) {
     if (const double y_m = in.measured.grid.y_m(n); y_m < 0 || y_m > in.tissue.depth_m) continue;
     ++inside;
     if (!trusted[n]) ++without;
   }
   if (without > kMaxUntracked * inside)
     out.warn(ModulusFlag::kUntracked,
-             "{:.0f} % of the image could not be tracked (low correlation): it has no modulus there, and "
-             "beside it the modulus depends on the model",
+             "{:.0f} % of the image could not be tracked (no echo, or low correlation): it has no modulus "
+             "there, and beside it the modulus depends on the model",
              100 * without / inside);
 }
 
 // Less than the noise of each strain is none.
 void ramp(const ModulusInput& in, double noise, ModulusEstimate& out) {
   const Eigen::Vector3d plane = background_plane(in, out, false);
-  const double across = std::exp(std::abs(plane[1])), down = std::exp(std::abs(plane[2]));
+  Eigen::Array3d least = Eigen::Array3d::Constant(HUGE_VAL), most = -least;  // of the places that are said
+  for (std::size_t n = 0; n < out.youngs_modulus.size(); ++n)
+    if (std::isfinite(out.youngs_modulus[n]))
+      least = least.min(place_of(in, n).array()), most = most.max(place_of(in, n).array());
+  const auto factor = [&](Eigen::Index k) {
+    return std::exp(std::abs(plane[k]) * std::max(0.0, most[k] - least[k]));
+  };
+  const double across = factor(1), down = factor(2);
   if (std::max(across, down) > std::max(kMaxRamp, std::exp(noise)))
     out.warn(ModulusFlag::kRamp,
              "the background's modulus ramps by a factor of {:.2f} across and {:.2f} down the window: the "

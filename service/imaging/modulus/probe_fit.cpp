@@ -44,7 +44,7 @@ constexpr double kSpreadOfDepth = 0.29;  // deviation of the cells' depth, in im
 constexpr double kWellExplained = 0.08;  // of the strain, unexplained
 // Standard deviation of ln E where other tissue was not tried: tissue that ends 0.5 to 0.75 depths beside
 // the probe reads 0.79 to 0.89 of the truth, what ends nearer less.
-constexpr double kUnweighedLog = 0.3;
+constexpr double kUnweighedLog = 0.3, kWellExplainedLog = 0.1;  // the second: of what explains all but that
 constexpr double kMaxGrading = 1.1;  // of ln E from the face to the bottom of the image: more is no tissue
 
 KnownLength elevation_known(const TissueExtent& tissue, double elevation_m) {
@@ -88,7 +88,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
     throw std::invalid_argument(
         fmt::format("tissue_depth_m: the tissue ends {:.1f} mm deep, but nothing was tracked above {:.1f} mm",
                     1e3 * in.tissue.depth_m, 1e3 * top_m));
-  const double shown_m = measured.grid.y_m(measured.grid.size() - 1) + measured.grid.dy_m / 2 - top_m,
+  const double shown_m = bottom_of(measured) - top_m,
                image_m = in.tissue.depth_stated || in.tissue.doubted_depth_m > 0 ? std::min(shown_m, depth_m)
                                                                                  : shown_m;
   TissueWindow w{in.tissue.beside_m, in.tissue.beside_std_m, elevation_known(in.tissue, elevation_m),
@@ -121,7 +121,10 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   if (fine.skin) w.by_skin = *fine.skin;
   // Tissue that ends may be shallower than is stated where tissue that goes on is not.
   const bool deep = w.depth.stated && w.depth.log - std::log(image_m) > kFarBeyondImage * w.depth.deviation;
-  const bool all_starts = effort == FitEffort::kAllStarts, untried = !all || (deep && !all_starts);
+  const bool all_starts = effort == FitEffort::kAllStarts;
+  const char* untried = !all ? "another depth, tissue that ends beside the probe, and one that slides"
+                        : deep && !all_starts ? "shallower tissue"
+                                              : "";
   std::vector<WeighedTissues> starts;
   const auto weigh = [&]() -> TogetherWeighed {
     starts = {weigher_.weigh(w, usual(w), all, all ? kRoundsOfReference : 1)};
@@ -167,7 +170,7 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
 }
 
 ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const ModulusInput& in, double sign,
-                              bool all, bool untried) {
+                              bool all, const char* untried) {
   // By kind: what ends here or there ends.
   std::map<std::array<int, 3>, WeighedKind> kinds;
   for (int start = 0; const WeighedTissues& weighed : starts) {
@@ -327,15 +330,19 @@ ProbeFit ProbeFitter::publish(const std::vector<WeighedTissues>& starts, const M
   out.rest = std::abs(grading) < kMaxGrading ? likeliest.fit.rest
                                              : std::hypot(likeliest.fit.rest, kSpreadOfDepth * grading);
   out.as_usual = !all && !(w.elevation.stated && (w.depth.stated || in.tissue.doubted_depth_m > 0));
-  out.unweighed = untried && out.rest > kWellExplained;
+  out.untried = untried;
+  out.unweighed = !out.untried.empty() && out.rest > kWellExplained;
   // Nor was it where the face is tilted so much.
   const bool tilted = std::abs(likeliest.fit.at[kTilt]) > kMaxTiltOfSides && out.rest > kWellExplained;
   if (tilted) out.untried_log = kUnweighedLog;
-  if (out.unweighed || tilted) out.common_log = std::hypot(out.common_log, kUnweighedLog);
+  const double untried_log = out.unweighed || tilted ? kUnweighedLog
+                             : out.untried.empty()   ? 0
+                                                     : kWellExplainedLog;
+  out.common_log = std::hypot(out.common_log, untried_log);
   if (const double doubted_m = in.tissue.doubted_depth_m; doubted_m > 0)
     out.contradicted = fmt::format(
         "the tissue's depth is stated as {:.1f} mm, but tissue is strained below it", 1e3 * doubted_m);
-  put_into_words(order, all, grading, out);
+  put_into_words(order, all, grading, in.tissue.surface_m + (pad ? 0 : top_of(in.measured)), out);
   if (!out.contradicted.empty()) out.common_log = std::hypot(out.common_log, kContradictedLog);
   return out;
 }

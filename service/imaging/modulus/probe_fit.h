@@ -37,7 +37,8 @@ struct ProbeFit {
   double untried_log = 0;        // of that, what is alike of tissue that a tilted face leaves untried
   double rest = 0;               // of ln(strain): what is unexplained where tissue looks homogeneous
   bool as_usual = false;         // something that is not stated was not fitted
-  bool unweighed = false;        // it leaves much unexplained, and what may explain it was not tried
+  std::string untried;           // what else there was no time for
+  bool unweighed = false;        // and much is unexplained
   int solves = 0;                // of the forward model
   std::vector<ToldTissue> told;  // where tissues were weighed
   std::string words;             // what was assumed and what was found
@@ -57,7 +58,7 @@ class ProbeFitter {
 
  private:
   ProbeFit publish(const std::vector<WeighedTissues>& starts, const ModulusInput&, double sign, bool all,
-                   bool untried);
+                   const char* untried);
   std::shared_ptr<StripCache> strips_;
   TissueWeigher weigher_;
 };

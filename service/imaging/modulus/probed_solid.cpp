@@ -35,6 +35,7 @@ constexpr std::size_t kMaxColumns = 256, kMaxRows = 64, kMinPeriodAcross = 32, k
 constexpr std::size_t kMaxElements = 2'000'000;
 constexpr double kCoarsen = 1.3, kCoarsestM = 4e-3;  // of rows below the image
 constexpr double kMirroredM = 0.020;
+constexpr double kBelowM = 3e-3;      // over which what a row differs by from its mean ends below the image
 constexpr double kApartElements = 2;  // across the image: slices nearer than that are not told apart
 constexpr double kAir = 0.01;         // of the tissue's modulus: beyond its end
 // Accuracy of the solution, in energy. Where tissue ends, the bound is some ten times the error, and rounding
@@ -275,11 +276,13 @@ class ProbedSolid : public ProbedTissue {
     for (std::size_t j = 0; j < grid.layers(); ++j) {
       check_cancelled();
       const Index first = static_cast<Index>(std::min(j, cells_.rows - 1)) * columns;
+      const double below_m = (grid.y_m[j] + grid.y_m[j + 1]) / 2 - grid.y_m[cells_.rows],
+                   seen = std::exp(-std::max(0.0, below_m) / kBelowM);
       for (std::size_t k = 0; k < grid.nz; ++k) {
         const Between& at = places[k];
         if (k == 0 || at != places[k - 1])
           fill_row(between(at.before->segment(first, columns), at.after->segment(first, columns), at.way),
-                   row);
+                   seen, row);
         const std::size_t middle = (k + (nodes_across_ - 1) / 2) % grid.nz;  // across_ begins at its edge
         double* to = tissue_.youngs_modulus_pa.data() + grid.nx * (k + grid.nz * j);
         for (std::size_t n = 0; n < grid.nx; ++n)
@@ -328,8 +331,10 @@ class ProbedSolid : public ProbedTissue {
         .select(before + to_after * (after - before), after + to_before * (before - after));
   }
 
-  // Moduli of the elements of a row, from the logarithms of its cells.
-  void fill_row(const VectorXd& cells, std::vector<double>& row) const {
+  // Moduli of the elements of a row, from the logarithms of its cells, of which the image shows so much
+  // beyond their mean.
+  void fill_row(VectorXd cells, double seen, std::vector<double>& row) const {
+    cells = (cells.mean() + seen * (cells.array() - cells.mean())).matrix().eval();
     const Index columns = cells.size(),
                 mirrored = std::min(columns, static_cast<Index>(kMirroredM / cells_.spacing_m)),
                 all = static_cast<Index>(row.size());

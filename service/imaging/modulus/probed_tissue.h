@@ -60,7 +60,7 @@ class ProbedTissue {
   // Pa) of the cells; across the image what differs more from 0, the background, changes to the next plane's
   // with the square of the way (a lump's own slice shows it whole, the next its rim); beyond the last, and
   // without any, it does not change; beside the cells mirrored, then the row's mean; below them the last
-  // row's.
+  // row's, soon its mean.
   virtual Response push(const Eigen::VectorXd& log_modulus, double tilt = 0, const Planes& beside = {}) = 0;
   // The same after a push that differed little, from whose answer fewer iterations find it.
   virtual Response push_again(const Eigen::VectorXd& log_modulus, double tilt, const Planes& beside) {

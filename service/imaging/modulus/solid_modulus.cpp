@@ -94,11 +94,13 @@ class SolidModulusMethod : public ModulusMethod {
                "({}): it is taken as usual; state it, or give more time",
                in.budget.why_solves);
     if (fit.unweighed)
-      out.warn(
-          ModulusFlag::kCut,
-          "{:.0f} % of the strain is unexplained, and there was no time ({}) to try another depth, tissue "
-          "that ends beside the probe, and one that slides; give more time",
-          100 * fit.rest, in.budget.why_solves);
+      out.warn(ModulusFlag::kCut,
+               "{:.0f} % of the strain is unexplained, and there was no time ({}) to try {}; give more time",
+               100 * fit.rest, in.budget.why_solves, fit.untried);
+    else if (!fit.untried.empty())
+      out.warn(ModulusFlag::kCut,
+               "there was no time ({}) to try {}: the modulus may be off by a tenth; give more time",
+               in.budget.why_solves, fit.untried);
     if (!fit.contradicted.empty())
       out.warn(ModulusFlag::kElevation, "{}; the modulus follows the strain: check what you stated",
                fit.contradicted);
@@ -364,8 +366,7 @@ class SolidModulusMethod : public ModulusMethod {
     for (std::size_t n = 0; n < image.size(); ++n) {
       if (n % image.nx == 0) check_cancelled();
       const double y_m = image.y_m(n) - fit.top_m;
-      if (!in.measured.displacement_valid[n] || y_m < fit.face.pad_m || y_m > fit.face.image_depth_m)
-        continue;
+      if (!in.measured.strain_valid[n] || y_m < fit.face.pad_m || y_m > fit.face.image_depth_m) continue;
       out.youngs_modulus[n] =
           static_cast<float>(std::exp(at_node(found.log_modulus, cells, image, fit.top_m, n) + log_scale));
       double variance = squared(at_node(found.own_deviation, cells, image, fit.top_m, n));

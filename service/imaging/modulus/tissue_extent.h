@@ -53,6 +53,7 @@ struct TissueExtent {
   double probe_elevation_m = 0;
   bool depth_stated = true;
   double doubted_depth_m = 0;  // that is stated, but not believed: depth_m is how deep there is strain
+  double surface_m = 0;        // below the face, under coupling: depth_m is told from there
   // Standard deviations of what is stated; 0: taken as stated, of a solid as its fit usually takes it.
   double probe_elevation_std_m = 0;
   double depth_std_m = 0;

@@ -24,7 +24,8 @@ std::string words_of(const CandidateTissue& m, const CandidateTissue& likeliest)
 
 }  // namespace
 
-void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double grading, ProbeFit& out) {
+void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double grading, double above_m,
+                    ProbeFit& out) {
   const CandidateTissue& likeliest = *order[0].of;
   const TissueWindow& w = *order[0].window;
   const auto at_fit = [&](double at_m, Eigen::Index column) {
@@ -32,20 +33,20 @@ void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double g
   };
   const double elevation_m = at_fit(out.face.elevation_m, kElevation),
                depth_m = at_fit(out.face.depth_m, kDepth);
-  const auto contradicts = [&](const KnownLength& known, double at_m, const char* what) {
+  const auto contradicts = [&](const KnownLength& known, double at_m, const char* what, double more_m = 0) {
     if (!known.contradicted(at_m)) return;
-    out.contradicted +=
-        fmt::format("{}{} is stated as {:.1f} mm, but the strain shows {:.1f} mm",
-                    out.contradicted.empty() ? "" : "; ", what, 1e3 * std::exp(known.log), 1e3 * at_m);
+    out.contradicted += fmt::format("{}{} is stated as {:.1f} mm, but the strain shows {:.1f} mm",
+                                    out.contradicted.empty() ? "" : "; ", what,
+                                    1e3 * (std::exp(known.log) + more_m), 1e3 * (at_m + more_m));
   };
   contradicts(w.elevation, elevation_m, "the face's length across the image");
-  if (!likeliest.block) contradicts(w.depth, depth_m, "the tissue's depth");
+  if (!likeliest.block) contradicts(w.depth, depth_m, "the tissue's depth", above_m);
   const double pad_m =
       out.face.pad_m > 0 && fitted ? at_fit(out.face.pad_m, pad_column(likeliest.fit)) : out.face.pad_m;
   if (out.face.pad_m > 0) contradicts(w.pad, pad_m, "the pad's thickness");
 
-  const auto origin = [&](const KnownLength& of, double at_m) {
-    return of.contradicted(at_m) ? fmt::format("stated as {:.1f}", 1e3 * std::exp(of.log))
+  const auto origin = [&](const KnownLength& of, double at_m, double more_m = 0) {
+    return of.contradicted(at_m) ? fmt::format("stated as {:.1f}", 1e3 * (std::exp(of.log) + more_m))
                                  : std::string(of.stated      ? "stated"
                                                : out.as_usual ? "usual"
                                                               : "fitted");
@@ -55,7 +56,8 @@ void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double g
     tissue += fmt::format(" (weight {:.2f}; or {}: {:.2f})", order[0].weight,
                           words_of(*order[1].of, likeliest), order[1].weight);
   const std::string deep =
-      likeliest.block ? "" : fmt::format(" {:.0f} mm deep ({})", 1e3 * depth_m, origin(w.depth, depth_m));
+      likeliest.block ? ""
+                      : fmt::format(" {:.0f} mm deep ({})", 1e3 * depth_m, origin(w.depth, depth_m, above_m));
   out.words = fmt::format(
       "solid tissue{} that {}, under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the strain unexplained "
       "where it is homogeneous",

@@ -16,7 +16,9 @@ struct WeighedKind {
 };
 
 // Sets `words` and `contradicted` of what is fitted else. `order`: the likeliest first; `fitted`: whether
-// more than what is stated was tried; `grading` of ln E.
-void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double grading, ProbeFit&);
+// more than what is stated was tried; `grading` of ln E; `above_m`: of the tissue's depth as it is stated,
+// what is no tissue.
+void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double grading, double above_m,
+                    ProbeFit&);
 
 }  // namespace teletact::service

@@ -207,7 +207,7 @@ CandidateTissue TissueWeigher::reference(TissueWindow& w, const ProbeFace& start
 void TissueWeigher::consider_others(const TissueWindow& w, std::vector<CandidateTissue>& models) {
   // What ends that far away is as if it went on; what ends that near, as if it were as wide as the probe.
   const bool stated = w.beside_m.has_value(),
-             wide = stated && *w.beside_m >= kBesideDepths.back() * w.face.depth_m;
+             wide = stated && *w.beside_m - 2 * w.beside_std_m >= kBesideDepths.back() * w.face.depth_m;
   const double stated_m = w.beside_m.value_or(0) < kAsWideM ? 0 : *w.beside_m;
   const double others = stated ? 1 - kBesideAsStated : 1, places = kBesideDepths.size(),
                end = (1 - kGoesOn - kIsBlock) / places;

@@ -113,6 +113,29 @@ TEST(Doubt, GuessesOfASolidAreNoPartOfARamp) {
   EXPECT_FALSE(ramps(0, -0.4));
 }
 
+// The factor is that from one end of what is said to the other, wherever the image ends.
+TEST(Doubt, ARampIsThatOfTheMap) {
+  Phantom phantom({});
+  const ModulusInput in = phantom.input();
+  const ImageGrid& g = in.measured.grid;
+  StripCache strips;
+  const auto said = [&](double log_per_image) {
+    ModulusEstimate e;
+    e.kind = ModulusKind::kSolid, e.background = Phantom::kBackgroundPa;
+    for (std::size_t n = 0; n < g.size(); ++n) {
+      const double depth = static_cast<double>(g.row(n)) / static_cast<double>(g.ny - 1) - 0.25;
+      e.youngs_modulus.push_back(static_cast<float>(
+          depth < 0.25 ? Phantom::kBackgroundPa * std::exp(log_per_image * depth) : std::nan("")));
+      e.log_deviation.push_back(0.1f);
+    }
+    judge(in, strips, e);
+    const auto warning = std::ranges::find(e.warnings, ModulusFlag::kRamp, &Warning::flag);
+    return warning == e.warnings.end() ? "" : warning->text;
+  };
+  EXPECT_EQ(said(0.4), "");
+  EXPECT_NE(said(0.6).find("1.35 down"), std::string::npos) << said(0.6);
+}
+
 // Areas of low correlation must not become soft tissue: nothing is said there, and it is told.
 TEST_P(Failures, UntrackedAreasSayNothing) {
   Phantom phantom({});

@@ -68,10 +68,10 @@ class Pressed {
 
   ModulusEstimate estimate(const ModulusBudget& budget = {}, std::optional<double> beside_m = {},
                            double depth_m = kDepthM, const Surface& surface = {},
-                           double elevation_m = kElevationM) const {
+                           double elevation_m = kElevationM, double beside_std_m = 0) const {
     TissueExtent tissue{0.1, depth_m, 0.035, 0.49, Plane::kSolid, elevation_m};
     tissue.surface = surface;
-    tissue.beside_m = beside_m;
+    tissue.beside_m = beside_m, tissue.beside_std_m = beside_std_m;
     return make_solid(imaging_device()->queue(), {})
         ->estimate({measured, kWidthM, tissue, force, {}, budget});
   }

@@ -221,6 +221,14 @@ TEST(ProbeFit, BelievesAStatedWidth) {
   }
 }
 
+// Stated as wide, but not well, tissue may end anywhere.
+TEST(ProbeFit, AWidthIsBelievedAsFarAsItIsStated) {
+  const Pressed pressed(face(0.010));
+  const ModulusEstimate e = pressed.estimate({}, 0.03, kDepthM, {}, kElevationM, 0.015);
+  EXPECT_TRUE(says(e, "that ends some")) << e.model;
+  EXPECT_NEAR(background(e, pressed.measured) / kModulusPa, 1, 0.1) << e.model;
+}
+
 // Tissue that goes on may hold a depth that is stated half too large; tissue that ends does not.
 TEST(ProbeFit, AWrongDepthOfTissueThatEndsIsFoundAndSaid) {
   const Pressed pressed(face(0.010));
