@@ -366,7 +366,9 @@ class SolidModulusMethod : public ModulusMethod {
     for (std::size_t n = 0; n < image.size(); ++n) {
       if (n % image.nx == 0) check_cancelled();
       const double y_m = image.y_m(n) - fit.top_m;
-      if (!in.measured.strain_valid[n] || y_m < fit.face.pad_m || y_m > fit.face.image_depth_m) continue;
+      if (!in.measured.displacement_valid[n] || !std::isfinite(in.measured.axial_strain[n]) ||
+          y_m < fit.face.pad_m || y_m > fit.face.image_depth_m)
+        continue;
       out.youngs_modulus[n] =
           static_cast<float>(std::exp(at_node(found.log_modulus, cells, image, fit.top_m, n) + log_scale));
       double variance = squared(at_node(found.own_deviation, cells, image, fit.top_m, n));
