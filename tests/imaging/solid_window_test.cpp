@@ -53,6 +53,8 @@ struct Asked {
   // Below this the frames are silent, or end.
   double heard_m = HUGE_VAL;
   bool trimmed = false;
+  bool mirrored = false;
+  std::size_t every = 1;  // of how many lines one is given
 };
 
 // Of a tissue, pressed once and estimated as often as asked.
@@ -68,18 +70,19 @@ class Window {
     AcquisitionGeometry g;
     g.center_frequency_hz = tissue_.ultrasound.center_frequency_hz;
     g.sampling_frequency_hz = tissue_.ultrasound.sampling_frequency_hz;
-    g.line_pitch_m = rf_.geometry.line_pitch_m;
-    const std::size_t all = rf_.geometry.sample_count,
+    g.line_pitch_m = rf_.geometry.line_pitch_m * static_cast<double>(asked.every);
+    const std::size_t all = rf_.geometry.sample_count, lines = rf_.geometry.line_count / asked.every,
                       heard = asked.heard_m < HUGE_VAL
                                   ? static_cast<std::size_t>(asked.heard_m / g.sample_pitch_m())
                                   : all,
                       given = asked.trimmed ? heard : all;
     const auto of = [&](const std::vector<std::int16_t>& samples) {
-      RfFrame frame{given, rf_.geometry.line_count,
-                    std::vector<float>(given * rf_.geometry.line_count, 0.0F)};
-      for (std::size_t line = 0; line < frame.line_count; ++line)
-        std::copy_n(samples.begin() + static_cast<std::ptrdiff_t>(line * all), heard,
+      RfFrame frame{given, lines, std::vector<float>(given * lines, 0.0F)};
+      for (std::size_t line = 0; line < lines; ++line) {
+        const std::size_t from = asked.every * (asked.mirrored ? lines - 1 - line : line);
+        std::copy_n(samples.begin() + static_cast<std::ptrdiff_t>(from * all), heard,
                     frame.samples.begin() + static_cast<std::ptrdiff_t>(line * given));
+      }
       return frame;
     };
     TissueExtent extent{tissue_.width_m, asked.stated_depth_m, left_m_, tissue_.poisson_ratio, asked.plane};
@@ -413,6 +416,26 @@ TEST(SolidWindow, WhatWasNotTriedIsSaidAndCounts) {
   EXPECT_TRUE(warned(cut, ModulusFlag::kCut));
   EXPECT_TRUE(cut.modulus.converged);
   EXPECT_GE(deviation_where(cut, all), 0.1);
+  const Estimate one_step = even().estimate({.depth = false, .solves = 0});
+  EXPECT_FALSE(one_step.modulus.converged);
+  EXPECT_EQ(std::ranges::count(one_step.modulus.warnings, ModulusFlag::kCut, &Warning::flag), 1)
+      << "all that there was no time for is one warning";
+}
+
+TEST(SolidWindow, TurnedAndThinnedFramesGiveTheSame) {
+  const Estimate& whole = lump_alone(true);
+  for (const Asked& asked : {Asked{}, Asked{.mirrored = true}, Asked{.every = 2}}) {
+    const Estimate other = with_lump(true).estimate(asked);
+    std::printf("background %.0f Pa, contrast %.2f\n", background(other), contrast(other));
+    EXPECT_LE(std::abs(std::log(background(other) / background(whole))), 0.05);
+    EXPECT_LE(std::abs(std::log(contrast(other) / contrast(whole))), 0.1);
+    if (asked.mirrored || asked.every > 1) continue;
+    for (std::size_t n = 0; n < whole.grid.size(); ++n) {
+      ASSERT_EQ(whole.valid[n], other.valid[n]) << n;
+      if (!whole.valid[n]) continue;
+      ASSERT_NEAR(std::log(whole.modulus.youngs_modulus[n] / other.modulus.youngs_modulus[n]), 0, 1e-3) << n;
+    }
+  }
 }
 
 // A beamformer's window that ends before its file does, short of the tissue's bottom.

@@ -340,7 +340,7 @@ void uncertain(std::vector<Part> parts, double noise, ModulusEstimate& out) {
     if (said == out.warnings.end())
       out.warn(part.cause, "{}{}", size, words_of(part.cause, part.stated));
     else if (said->text.find(size) == std::string::npos)
-      said->text += "; " + size;
+      out.warn(part.cause, "{}", size);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -91,9 +92,14 @@ struct ModulusEstimate {
   std::vector<ToldTissue> told = {};    // of a solid's slice; empty: its strain is not explained
   std::string model;                    // what was assumed and fitted of the tissue; empty: what was stated
   std::string why;                      // how the method was chosen, in words; empty: it was named
+  // Of each flag there is one warning, which has all that is said of it.
   template <class... Args>
   void warn(ModulusFlag flag, fmt::format_string<Args...> words, Args&&... args) {
-    warnings.push_back({flag, fmt::format(words, std::forward<Args>(args)...)});
+    std::string text = fmt::format(words, std::forward<Args>(args)...);
+    if (const auto said = std::ranges::find(warnings, flag, &Warning::flag); said != warnings.end())
+      said->text += "; " + text;
+    else
+      warnings.push_back({flag, std::move(text)});
   }
 };
 
