@@ -62,7 +62,7 @@ class Window {
  public:
   explicit Window(const client::Tissue& t, double spacing_m = kSpacingM, double z_m = 0)
       : tissue_(t),
-        left_m_((t.width_m - kProbeM) / 2),
+        left_m_((t.width_m - t.probe.width_m) / 2),
         probe_(client::press_solid(t, left_m_, kPushM, spacing_m, z_m)),
         rf_(client::with_noise(client::simulate_rf(t, probe_, client::RfFrame::kProbe, 5), 6)) {}
 
@@ -323,6 +323,19 @@ TEST(SolidWindow, AWrongDepthIsSeen) {
   deep.ultrasound.depth_m = deep.depth_m, deep.depth_m = 0.060;
   const Estimate e = Window(deep).estimate({.stated_depth_m = 0.040});
   EXPECT_NEAR(after(e, "solid tissue ", " mm deep (stated as 40.0)"), 60, 6) << e.modulus.model;
+}
+
+// From a face that long on tissue that shallow no small step explains the strain better.
+TEST(SolidWindow, AFaceStatedMuchTooLongIsSeen) {
+  client::Tissue shallow = tissue({}, 0.060);
+  shallow.depth_m = 0.020, shallow.probe.width_m = 0.030;
+  const Window window(shallow);
+  const Estimate wrong = window.estimate({.stated_depth_m = 0.020, .elevation_m = 1.75 * kElevationM}),
+                 right = window.estimate({.stated_depth_m = 0.020, .elevation_m = kElevationM});
+  std::printf("background %.0f, %.0f: %s\n", background(right), background(wrong),
+              wrong.modulus.model.c_str());
+  EXPECT_TRUE(warned(wrong, ModulusFlag::kElevation)) << wrong.modulus.model;
+  EXPECT_FALSE(warned(right, ModulusFlag::kElevation)) << right.modulus.model;
 }
 
 // With a lump the fit alone does not see it, and the lump's contrast is a quarter too high.

@@ -34,6 +34,8 @@ constexpr double kUsualDepths = 1.5, kLogUsualDepth = 0.4;  // of what the image
 constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 
 constexpr double kFarBeyondImage = 3;  // deviations of a depth that is stated: that is another start
+constexpr double kAstray =
+    0.15;  // of ln of the face's length: the strain alone leads so far from what is stated
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
@@ -76,8 +78,29 @@ ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::s
 int ProbeFitter::max_solves(FitEffort effort, bool pad) {
   const bool all = effort != FitEffort::kUsual, others = effort == FitEffort::kAllStarts;
   const int coarse = kCoarsePerSolve * (all && !pad ? 1 + kSkinSolves : 1) +
-                     (others ? 2 : 1) * TissueWeigher::max_coarse_solves(all, pad);
+                     (others ? 3 : 1) * TissueWeigher::max_coarse_solves(all, pad);
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
+}
+
+// Where the strain alone leads from the face that is stated, if that is far.
+std::optional<ProbeFace> ProbeFitter::far_from_stated(const WeighedTissues& start) {
+  if (!start.window.elevation.stated) return {};
+  TissueWindow open = start.window;
+  open.elevation.stated = false, open.elevation.deviation = kLogUsualElevation, open.told.clear();
+  const double likely = start.best() - kWorthless;
+  const bool astray = std::ranges::any_of(start.models, [&](CandidateTissue m) {
+    if (m.block || m.odds() < likely) return false;
+    weigher_.fit(open, m, 0);
+    return std::abs(m.fit.at[kElevation]) > kAstray;
+  });
+  if (!astray) return {};
+  try {
+    const ProbeFace face =
+        weigher_.weigh(open, start.models[0].face, false, kRoundsOfReference).models[0].face;
+    if (start.window.elevation.contradicted(face.elevation_m)) return face;
+  } catch (const std::invalid_argument&) {  // beyond what is modelled
+  }
+  return {};
 }
 
 ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sign, FitEffort effort) {
@@ -136,6 +159,11 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       } catch (const std::invalid_argument&) {  // beyond what is modelled
       }
     }
+    if (all_starts && w.told.empty() && !in.tissue.pad)
+      if (const std::optional<ProbeFace> far = far_from_stated(starts.back())) try {
+          starts.insert(starts.begin(), weigher_.weigh(w, *far, true, 1));
+        } catch (const std::invalid_argument&) {  // beyond what is modelled
+        }
     if (all) {
       const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
                                        return s.least().fit.rest;

@@ -23,7 +23,6 @@ constexpr double kGoesOn = 0.5, kSlides = 0.3, kIsBlock = 0.05;  // beforehand: 
 constexpr double kBesideAsStated = 0.9, kAsWideM = 0.5e-3;
 
 constexpr double kVary = 0.15, kTiltStep = 0.1;
-constexpr double kWorthless = 5;   // ln of the odds against a model that is not looked at closer
 constexpr double kFewPercent = 3;  // the same, by all slices, of one that stays where it was in another
 constexpr double kSettled = 0.1;   // of ln of elevation and depth: what is linear enough
 constexpr int kRoundsOfOthers = 2;

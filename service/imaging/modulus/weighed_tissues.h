@@ -27,6 +27,7 @@ inline constexpr double kMaxTiltOfSides = 0.2;  // of the same: with more no sid
 inline constexpr double kLogStated = 0.1;       // of what is stated without a deviation of its own
 inline constexpr double kOtherLength = 0.25;    // of ln of depth or elevation: other tissue of the same kind
 inline constexpr double kLeastWeight = 0.01;    // of a tissue that counts
+inline constexpr double kWorthless = 5;         // ln of the odds against a model that is not looked at closer
 inline constexpr double kOfGridStep = 0.3;      // deviation of where it ends, in steps between the places
 inline constexpr double kSkinBeside = 0.3;      // depths beside the face: nearer sides change what skin does
 inline constexpr int kCoarsePerSolve = 4;       // solves of coarse tissue that take as long as a fine one
