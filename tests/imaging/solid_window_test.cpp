@@ -327,15 +327,22 @@ TEST(SolidWindow, AWrongDepthIsSeen) {
 
 // From a face that long on tissue that shallow no small step explains the strain better.
 TEST(SolidWindow, AFaceStatedMuchTooLongIsSeen) {
-  client::Tissue shallow = tissue({}, 0.060);
-  shallow.depth_m = 0.020, shallow.probe.width_m = 0.030;
+  client::Solid solid;
+  solid.friction = 0.15, solid.preload_m = 0.00075;
+  client::Tissue shallow = tissue(solid, 0.060, Lump{0.010, 3, true});
+  shallow.depth_m = 0.020, shallow.probe.width_m = 0.030, shallow.seed = 7;
+  shallow.inclusions[0].diameter_m = 0.006;
   const Window window(shallow);
-  const Estimate wrong = window.estimate({.stated_depth_m = 0.020, .elevation_m = 1.75 * kElevationM}),
-                 right = window.estimate({.stated_depth_m = 0.020, .elevation_m = kElevationM});
+  const auto stated = [&](double elevation_m) {
+    return window.estimate({.stated_depth_m = 0.020, .elevation_m = elevation_m});
+  };
+  const Estimate right = stated(kElevationM), wrong = stated(1.75 * kElevationM);
   std::printf("background %.0f, %.0f: %s\n", background(right), background(wrong),
               wrong.modulus.model.c_str());
-  EXPECT_TRUE(warned(wrong, ModulusFlag::kElevation)) << wrong.modulus.model;
   EXPECT_FALSE(warned(right, ModulusFlag::kElevation)) << right.modulus.model;
+  EXPECT_TRUE(warned(wrong, ModulusFlag::kElevation)) << wrong.modulus.model;
+  EXPECT_NE(wrong.modulus.model.find("under a face of 17.5 mm"), std::string::npos)
+      << "the other is named so";
 }
 
 // With a lump the fit alone does not see it, and the lump's contrast is a quarter too high.

@@ -17,9 +17,13 @@ std::string words_of(const CandidateTissue& m, const CandidateTissue& likeliest)
                           : m.face.beside_m > 0
                               ? fmt::format("ends some {:.0f} mm beside the probe", 1e3 * m.face.beside_m)
                               : "is as wide as the probe";
-  const bool other_depth = std::abs(std::log(m.face.depth_m / likeliest.face.depth_m)) > kOtherLength;
+  const auto other = [&](double ProbeFace::*length) {
+    return std::abs(std::log(m.face.*length / (likeliest.face.*length))) > kOtherLength;
+  };
   return end + (m.face.slides ? " and slides on its support" : "") +
-         (other_depth ? fmt::format(" and is {:.0f} mm deep", 1e3 * m.face.depth_m) : "");
+         (other(&ProbeFace::depth_m) ? fmt::format(" and is {:.0f} mm deep", 1e3 * m.face.depth_m) : "") +
+         (other(&ProbeFace::elevation_m) ? fmt::format(" under a face of {:.1f} mm", 1e3 * m.face.elevation_m)
+                                         : "");
 }
 
 }  // namespace
