@@ -329,7 +329,7 @@ TEST(SolidWindow, AWrongDepthIsSeen) {
 TEST(SolidWindow, AFaceStatedMuchTooLongIsSeen) {
   client::Solid solid;
   solid.friction = 0.15, solid.preload_m = 0.00075;
-  client::Tissue shallow = tissue(solid, 0.060, Lump{0.010, 3, true});
+  client::Tissue shallow = tissue(solid, 0.060, Lump{0.010, 5, true});
   shallow.depth_m = 0.020, shallow.probe.width_m = 0.030, shallow.seed = 7;
   shallow.inclusions[0].diameter_m = 0.006;
   const Window window(shallow);

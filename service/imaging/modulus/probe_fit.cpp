@@ -35,7 +35,7 @@ constexpr double kMinElevationM = 3e-3, kMaxElevationM = 0.040, kMaxDepths = 3;
 
 constexpr double kFarBeyondImage = 3;  // deviations of a depth that is stated: that is another start
 // Of ln of the face's length: the strain alone leads so far from what is stated.
-constexpr double kAstray = kLinear / 2;
+constexpr double kAstray = kLinear;
 // Of ln E where the strain contradicts what is stated: a face that is stated 75 % too long puts it off by up
 // to 0.26.
 constexpr double kContradictedLog = 0.15;
