@@ -242,9 +242,10 @@ WarningFigures measure(const WarningOptions& options, Promises& promises) {
   promises.push_back({"estimates_that_failed", static_cast<double>(failed), 0});
   promises.push_back({"numbers_that_are_not_the_maps", static_cast<double>(misquoted), 0});
   for (const WarningResult& r : figures.rows) {
-    if (r.cases - r.refused < kMinCases) continue;
+    if (r.cases < kMinCases) continue;
     // A refused window has no map that a warning could be of.
-    const double fired = static_cast<double>(r.fired) / static_cast<double>(r.cases - r.refused);
+    const double fired =
+        static_cast<double>(r.fired) / static_cast<double>(std::max<std::size_t>(1, r.cases - r.refused));
     const std::string name = snake_case(r.warning + " " + r.name);
     if (r.provoked)
       promises.push_back({name, fired, kFires, "", false});

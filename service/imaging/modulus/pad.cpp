@@ -46,7 +46,7 @@ VectorXd pad_cells(const ProbeFace& face, const CellGrid& cells) {
 KnownLength pad_known(const StandoffPad& pad, double image_m) {
   const double log = std::log(pad.thickness_m), reach = 2 * kLinear;
   return {true, log, pad.thickness_std_m / pad.thickness_m, log - reach,
-          std::min(log + reach, std::log(kMostOfImage * image_m))};
+          std::max(log, std::min(log + reach, std::log(kMostOfImage * image_m)))};
 }
 
 VectorXd in_pad(const VectorXd& observed, const CellGrid& cells, double pad_m) {

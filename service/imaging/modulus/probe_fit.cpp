@@ -70,6 +70,11 @@ MatrixXd columns_of(const std::vector<VectorXd>& fields) {
   return out;
 }
 
+TissueWindow with_open_face(TissueWindow w) {
+  w.elevation.stated = false, w.elevation.deviation = kLogUsualElevation, w.told.clear();
+  return w;
+}
+
 }  // namespace
 
 ProbeFitter::ProbeFitter(const Queue& queue, const StrainOptions& strain, std::shared_ptr<StripCache> strips)
@@ -82,21 +87,24 @@ int ProbeFitter::max_solves(FitEffort effort, bool pad) {
   return (coarse + kCoarsePerSolve - 1) / kCoarsePerSolve;
 }
 
-// Where the strain alone leads from the face that is stated, if that is far.
-std::optional<ProbeFace> ProbeFitter::far_from_stated(const WeighedTissues& start) {
-  if (!start.window.elevation.stated) return {};
-  TissueWindow open = start.window;
-  open.elevation.stated = false, open.elevation.deviation = kLogUsualElevation, open.told.clear();
+// Whether the strain alone leads far from the face that is stated. No solves.
+bool ProbeFitter::astray(const WeighedTissues& start) const {
+  if (!start.window.elevation.stated) return false;
+  const TissueWindow open = with_open_face(start.window);
   const double likely = start.best() - kWorthless;
-  const bool astray = std::ranges::any_of(start.models, [&](CandidateTissue m) {
+  return std::ranges::any_of(start.models, [&](CandidateTissue m) {
     if (m.block || m.odds() < likely) return false;
     weigher_.fit(open, m, 0);
     return std::abs(m.fit.at[kElevation]) > kAstray;
   });
-  if (!astray) return {};
+}
+
+// Where it leads then, if that contradicts what is stated.
+std::optional<ProbeFace> ProbeFitter::far_from_stated(const WeighedTissues& start) {
   try {
-    const ProbeFace face =
-        weigher_.weigh(open, start.models[0].face, false, kRoundsOfReference).models[0].face;
+    const WeighedTissues open =
+        weigher_.weigh(with_open_face(start.window), start.models[0].face, false, kRoundsOfReference);
+    const ProbeFace& face = open.models[0].face;
     if (start.window.elevation.contradicted(face.elevation_m)) return face;
   } catch (const std::invalid_argument&) {  // beyond what is modelled
   }
@@ -159,11 +167,15 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
       } catch (const std::invalid_argument&) {  // beyond what is modelled
       }
     }
-    if (all_starts && w.told.empty() && !in.tissue.pad)
-      if (const std::optional<ProbeFace> far = far_from_stated(starts.back())) try {
+    if (all && w.told.empty() && !in.tissue.pad && astray(starts.back())) {
+      if (!all_starts)
+        untried = deep ? "shallower tissue, and another face" : "another face";
+      else if (const std::optional<ProbeFace> far = far_from_stated(starts.back()))
+        try {
           starts.insert(starts.begin(), weigher_.weigh(w, *far, true, 1));
         } catch (const std::invalid_argument&) {  // beyond what is modelled
         }
+    }
     if (all) {
       const CandidateTissue& least = std::ranges::min_element(starts, {}, [](const WeighedTissues& s) {
                                        return s.least().fit.rest;
@@ -192,7 +204,9 @@ ProbeFit ProbeFitter::fit(const ModulusInput& in, double elevation_m, double sig
   else if (weighed.heeded == Heeded::kContradicted)
     out.words += fmt::format("; disagrees with other slices ({}), which are ignored", in.told.size());
   out.top_m = top_m;
-  if (top_m > 0) out.words += fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * top_m);
+  if (top_m > 0)
+    out.words +=
+        fmt::format("; the tissue is taken to begin {:.1f} mm deep", 1e3 * (in.tissue.surface_m + top_m));
   out.solves = (weigher_.coarse_solves() + kCoarsePerSolve - 1) / kCoarsePerSolve;
   return out;
 }

@@ -57,6 +57,7 @@ class ProbeFitter {
   void forget() { weigher_.forget(); }
 
  private:
+  bool astray(const WeighedTissues& start) const;
   std::optional<ProbeFace> far_from_stated(const WeighedTissues& start);
   ProbeFit publish(const std::vector<WeighedTissues>& starts, const ModulusInput&, double sign, bool all,
                    const char* untried);

@@ -98,9 +98,8 @@ class SolidModulusMethod : public ModulusMethod {
                "{:.0f} % of the strain is unexplained, and there was no time ({}) to try {}; give more time",
                100 * fit.rest, in.budget.why_solves, fit.untried);
     else if (!fit.untried.empty())
-      out.warn(ModulusFlag::kCut,
-               "there was no time ({}) to try {}: the modulus may be off by a tenth; give more time",
-               in.budget.why_solves, fit.untried);
+      out.warn(ModulusFlag::kCut, "there was no time ({}) to try {}; give more time", in.budget.why_solves,
+               fit.untried);
     if (!fit.contradicted.empty())
       out.warn(ModulusFlag::kElevation, "{}; the modulus follows the strain: check what you stated",
                fit.contradicted);

@@ -59,9 +59,9 @@ void put_into_words(const std::vector<WeighedKind>& order, bool fitted, double g
   if (order[0].weight < kSure)
     tissue += fmt::format(" (weight {:.2f}; or {}: {:.2f})", order[0].weight,
                           words_of(*order[1].of, likeliest), order[1].weight);
-  const std::string deep =
-      likeliest.block ? ""
-                      : fmt::format(" {:.0f} mm deep ({})", 1e3 * depth_m, origin(w.depth, depth_m, above_m));
+  const std::string deep = likeliest.block ? ""
+                                           : fmt::format(" {:.0f} mm deep ({})", 1e3 * (depth_m + above_m),
+                                                         origin(w.depth, depth_m, above_m));
   out.words = fmt::format(
       "solid tissue{} that {}, under a face of {:.1f} x {:.1f} mm ({}): {:.0f} % of the strain unexplained "
       "where it is homogeneous",
